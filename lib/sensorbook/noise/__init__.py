@@ -1,0 +1,19 @@
+"""Stochastic errors: Allan deviation, noise terms and their estimation."""
+
+from sensorbook.noise.allan import AllanCurve, allan_deviation, cluster_sizes
+from sensorbook.noise.estimate import NoiseEstimate, fit_terms, read_off
+from sensorbook.noise.model import TERMS, NoiseTerms
+from sensorbook.noise.spectrum import LowPass, find_low_pass
+
+__all__ = [
+    "TERMS",
+    "AllanCurve",
+    "LowPass",
+    "NoiseEstimate",
+    "NoiseTerms",
+    "allan_deviation",
+    "cluster_sizes",
+    "find_low_pass",
+    "fit_terms",
+    "read_off",
+]

@@ -1,0 +1,137 @@
+"""The one result type of all noise estimators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from sensorbook import units
+from sensorbook.noise.model import TERMS, NoiseTerms
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A coefficient with its 95 % confidence interval, SI."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Where a curve departs from its terms: the range of τ (s), the worst τ and σ/model − 1 there."""
+
+    tau_range: tuple[float, float]
+    tau: float
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class AxisNoise:
+    """Noise terms of one axis.
+
+    Attributes
+    ----------
+    terms : estimate by term, None where the term has no visible effect
+    upper_bounds : 95 % upper bound of each term without visible effect, SI
+    tau_range : cluster times used, s
+    misfit : where the terms do not describe the curve, None where they do
+    squares : fitted squared coefficients (the one of 1/τ² may be negative), SI
+    edf : (T,) equivalent degrees of freedom of the curve
+    band : (T, 2) 95 % confidence limits of the curve
+    """
+
+    terms: dict[str, Estimate | None]
+    upper_bounds: dict[str, float]
+    tau_range: tuple[float, float]
+    misfit: Misfit | None
+    squares: dict[str, float] = field(default_factory=dict)
+    edf: np.ndarray | None = None
+    band: np.ndarray | None = None
+
+    @property
+    def coefficients(self) -> NoiseTerms:
+        """The values alone, zero where a term is absent."""
+        return NoiseTerms(**{name: e.value if e else 0.0 for name, e in self.terms.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseEstimate:
+    """Noise terms of every axis by one method; `axes[0]` is x."""
+
+    method: str
+    sensor: str
+    axes: tuple[AxisNoise, ...]
+
+    def __getitem__(self, axis: str) -> AxisNoise:
+        return self.axes["xyz".index(axis)]
+
+    def to_results(self) -> dict:
+        """As results.json states it: SI units, one-sided noise density beside the two-sided N."""
+        return {
+            name: _axis_results(axis, self.sensor)
+            for name, axis in zip("xyz", self.axes, strict=False)
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row an axis and term, in field units."""
+        rows = []
+        for name, axis in zip("xyz", self.axes, strict=False):
+            for term in TERMS:
+                label, si = units.field_unit(self.sensor, term)
+                e = axis.terms[term]
+                bound = axis.upper_bounds.get(term, np.nan)
+                rows.append(
+                    (name, term.replace("_", " "), TERMS[term].symbol)
+                    + ((e.value / si, e.low / si, e.high / si) if e else (np.nan,) * 3)
+                    + (bound / si, label)
+                )
+        columns = ["axis", "term", "symbol", "value", "low", "high", "upper bound", "unit"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def _repr_html_(self) -> str:
+        return self.table().to_html(index=False)
+
+    def table(self) -> pd.DataFrame:
+        """One row a term, one column an axis: value and 95 % interval in field units, as text."""
+        rows = {}
+        for term, t in TERMS.items():
+            label, si = units.field_unit(self.sensor, term)
+            rows[f"{t.symbol}, {term.replace('_', ' ')} [{label}]"] = [
+                _cell(axis.terms[term], axis.upper_bounds.get(term), si) for axis in self.axes
+            ]
+        frame = pd.DataFrame.from_dict(rows, orient="index", columns=list("xyz")[: len(self.axes)])
+        return frame.rename_axis("term").reset_index()
+
+
+def _cell(estimate: Estimate | None, bound: float | None, si: float) -> str:
+    if estimate:
+        return f"{estimate.value / si:.3g} ({estimate.low / si:.3g} … {estimate.high / si:.3g})"
+    return "none visible" if bound is None else f"none visible (< {bound / si:.2g})"
+
+
+def _axis_results(axis: AxisNoise, sensor: str) -> dict:
+    result: dict = {}
+    for name, e in axis.terms.items():
+        result[name] = _entry(e, units.si_unit(sensor, name))
+        if name == "random_walk":
+            twin = Estimate(*(np.sqrt(2) * np.array([e.value, e.low, e.high]))) if e else None
+            result["noise_density"] = _entry(twin, units.si_unit(sensor, "noise_density"))
+    if axis.upper_bounds:
+        result["upper_bounds"] = {k: float(v) for k, v in axis.upper_bounds.items()}
+    if axis.misfit:
+        m = axis.misfit
+        result["misfit"] = {"tau_range": list(m.tau_range), "tau": m.tau, "size": m.size}
+    return result
+
+
+def _entry(e: Estimate | None, unit: str) -> dict | None:
+    return e and {
+        "value": float(e.value),
+        "low": float(e.low),
+        "high": float(e.high),
+        "unit": unit,
+    }

@@ -1,0 +1,44 @@
+"""Simulated devices with known truth; each chapter's kind of recording has a preset here."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from sensorbook.errors import InputError, Problem
+from sensorbook.simulate import ahrs
+from sensorbook.simulate.folder import write
+
+PRESETS = {
+    "ahrs": "work A's robotics-grade AHRS: two hours at rest at 100 Hz and a temperature sweep",
+}
+_BUILDERS = {"ahrs": ahrs.build}
+
+
+def simulate(folder: str | Path, preset: str = "ahrs", seed: int = 1) -> Path:
+    """Writes a simulated device folder with `truth.json`; the same seed gives the same files.
+
+    The device's id is the folder's name, where that is a valid one.
+
+    Raises
+    ------
+    InputError
+        an unknown preset, a negative seed, or a folder that holds a device already
+    """
+    folder = Path(folder)
+    if preset not in _BUILDERS:
+        raise InputError(
+            Problem(
+                "simulate", "preset", f"{preset!r} is not known", f"one of {', '.join(PRESETS)}"
+            )
+        )
+    if seed < 0:
+        raise InputError(Problem("simulate", "seed", f"{seed} is negative", "give 0 or more"))
+    name = folder.resolve().name
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name) or name in ("index.html", "book"):
+        name = f"{preset}-demo"
+    device = _BUILDERS[preset](np.random.default_rng([seed, 0xA]), name)
+    write(device, folder)
+    return folder
