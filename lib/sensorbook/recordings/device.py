@@ -1,0 +1,270 @@
+"""A device folder: `load` reads its declaration, recordings are read when asked for."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+
+from sensorbook.errors import InputError, Problem
+from sensorbook.recordings.assemble import read_recording
+from sensorbook.recordings.companions import with_shared_shocks, with_temperature
+from sensorbook.recordings.images import Images, read_images
+from sensorbook.recordings.paths import resolve
+from sensorbook.recordings.recording import Finding, Recording, html_table
+from sensorbook.recordings.schema import FILE, Declared, check_declaration
+from sensorbook.recordings.tables import Table, open_table
+from sensorbook.units import SENSOR_UNITS
+
+_LARGEST_DECLARATION = 1 << 20
+
+
+def load(path: str | Path) -> Device:
+    """The device in a folder (or of a `device.toml`).
+
+    Raises `InputError` with every problem of the device as a whole. What is wrong with one recording
+    is raised when that recording is read, so that the others remain usable; `check` gathers all.
+    """
+    device, problems = _open(Path(path))
+    if device is None or problems:
+        raise InputError(*problems, *(device.problems if device else ()))
+    return device
+
+
+def check(path: str | Path) -> tuple[list[Problem], list[Finding]]:
+    """Every problem and every finding of a device folder: reads everything, computes nothing."""
+    device, problems = _open(Path(path))
+    if device is None:
+        return problems, []
+    found, findings = device.check()
+    return problems + found, findings
+
+
+def _open(path: Path) -> tuple[Device | None, list[Problem]]:
+    folder = path.parent if path.name == FILE else path
+    source = folder / FILE
+
+    def wrong(message: str, mend: str, where: str = "") -> tuple[None, list[Problem]]:
+        return None, [Problem(FILE if folder.is_dir() else str(path), where, message, mend)]
+
+    if not folder.is_dir():
+        return wrong("is not a device folder", f"name a folder that holds a {FILE}")
+    if not source.is_file():
+        return wrong(f"is missing in {folder.name or folder}", "write one with: sensorbook new")
+    try:
+        data = source.read_bytes()
+        if len(data) > _LARGEST_DECLARATION:
+            return wrong("is larger than 1 MiB", "recordings belong into files of their own")
+        table = tomllib.loads(data.decode("utf-8-sig"))
+    except OSError as error:
+        return wrong(f"cannot be read: {error.strerror}", "check the file and its rights")
+    except UnicodeDecodeError:
+        return wrong("is not UTF-8 text", "save it as UTF-8")
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
+        return wrong(f"is not valid TOML: {str(error) or 'nested too deep'}", "mend the syntax")
+    return from_declaration(folder, table)
+
+
+def from_declaration(folder: str | Path, table: dict) -> tuple[Device, list[Problem]]:
+    """A device from a declaration that stands in no file, and the problems of it as a whole."""
+    problems, declared = check_declaration(table)
+    truth, source = None, Path(folder) / "truth.json"
+    if source.is_file():
+        try:
+            truth = json.loads(source.read_bytes())
+        except (OSError, ValueError, RecursionError) as error:
+            problems.append(Problem("truth.json", "", f"is not valid JSON: {error}", "mend it"))
+    return Device(Path(folder), table, declared, truth), problems
+
+
+class Device:
+    """A device and its recordings.
+
+    Attributes
+    ----------
+    path : the folder
+    id, name : as declared; `name` is free text, to be escaped where it is shown
+    model, serial : text, or None
+    site, spec : the tables of device.toml, {} where absent
+    declared : one `Declared` per recording, in order
+    truth : what truth.json beside device.toml holds, or None
+
+    `device.gyroscope.static` is the longest static run, `device.runs("gyroscope", "static")` all.
+    """
+
+    def __init__(self, path: Path, table: dict, declared: Iterable[Declared], truth=None):
+        self.path = path
+        self.id: str = table.get("id", "")
+        self.name: str = table.get("name", self.id)
+        self.model, self.serial = (
+            None if table.get(key) is None else str(table[key]) for key in ("model", "serial")
+        )
+        self.site: dict = table.get("site", {})
+        self.spec: dict = table.get("spec", {})
+        self.declared = tuple(declared)
+        self.truth = truth
+        self._read: dict[int, Recording | Images | InputError] = {}
+
+    # ---- what there is ----
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors declared."""
+        return tuple(dict.fromkeys(d.sensor for d in self.declared if d.sensor))
+
+    def kinds(self, sensor: str) -> tuple[str, ...]:
+        """Kinds of recording declared for a sensor."""
+        mine = (d.kind for d in self.declared if d.sensor == sensor and d.kind)
+        return tuple(dict.fromkeys(mine))
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """Problems of the recordings' declarations; those of their files come with reading."""
+        return tuple(problem for d in self.declared for problem in d.problems)
+
+    def runs(self, sensor: str, kind: str) -> tuple[Recording, ...]:
+        """All recordings of one kind for one sensor, longest first; () where none is declared.
+
+        Raises `InputError` with the problems of all of them when any is bad.
+        """
+        mine = [d for d in self.declared if (d.sensor, d.kind) == (sensor, kind)]
+        read = [self._get(d) for d in mine]
+        problems = [p for r in read if isinstance(r, InputError) for p in r.problems]
+        if problems:
+            raise InputError(*dict.fromkeys(problems))
+        return tuple(
+            sorted(read, key=lambda r: (r.duration if r.rate else 0, len(r)), reverse=True)
+        )
+
+    def check(self) -> tuple[list[Problem], list[Finding]]:
+        """Every problem and finding of the recordings."""
+        read = [self._get(d) for d in self.declared]
+        problems = [p for r in read if isinstance(r, InputError) for p in r.problems]
+        findings = [f for r in read if not isinstance(r, InputError) for f in r.findings]
+        return list(dict.fromkeys(problems)), list(dict.fromkeys(findings))
+
+    def __getattr__(self, name: str) -> Sensor:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self.sensors:
+            there = ", ".join(self.sensors) or "none"
+            raise AttributeError(f"{self.id} has no recording of {name!r}; sensors: {there}")
+        return Sensor(self, name)
+
+    def __dir__(self):
+        return [*super().__dir__(), *self.sensors]
+
+    def __repr__(self) -> str:
+        return f"<Device {self.id!r}: {', '.join(self.sensors)}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (d.sensor or "?", d.kind or "?", d.file or "?", "; ".join(map(str, d.problems)))
+            for d in self.declared
+        ]
+        title = html_table([(self.name, self.model or "", self.serial or "")])
+        return title + html_table(rows, ("sensor", "kind", "file", "problems"))
+
+    # ---- reading ----
+
+    def _get(self, declared: Declared) -> Recording | Images | InputError:
+        if declared.number not in self._read:
+            self._read |= self._read_together(declared)
+        return self._read[declared.number]
+
+    def _read_together(self, declared: Declared) -> dict[int, Recording | Images | InputError]:
+        """Reads all recordings of one file at one go: it is opened and parsed once."""
+        if declared.problems:
+            return {declared.number: InputError(*declared.problems)}
+        if declared.sensor == "camera":
+            return {declared.number: _attempt(read_images, declared, self.path)}
+
+        def source(d: Declared) -> tuple:
+            return d.sensor == "camera", d.file, d.table.get("table")
+
+        together = [d for d in self.declared if not d.problems and source(d) == source(declared)]
+        wanted = [column for d in together for column in d.table["columns"].values()]
+        table = _attempt(self._open_table, declared, wanted)
+        if isinstance(table, InputError):
+            return dict.fromkeys((d.number for d in together), table)
+        read = {d.number: _attempt(self._recording, d, table) for d in together}
+        return {d.number: _attempt(self._completed, d, read) for d in together}
+
+    def _open_table(self, declared: Declared, wanted) -> Table:
+        path = resolve(self.path, declared.file, f"{declared.label}: file")
+        table = open_table(path, declared.file, declared.table.get("table"), wanted)
+        table.parse(wanted)
+        return table
+
+    def _recording(self, declared: Declared, table: Table) -> Recording:
+        labels = None
+        if name := declared.table.get("segments"):
+            labels = open_table(resolve(self.path, name, f"{declared.label}: segments"), name)
+        return read_recording(declared, table, labels)
+
+    def _completed(self, declared: Declared, read: dict) -> Recording:
+        """The recording with what it takes from others; raises where it was not readable."""
+        recording = read[declared.number]
+        if isinstance(recording, InputError):
+            raise recording
+        if declared.kind == "static":
+            beside = [r for n, r in read.items() if n != declared.number and _static(r)]
+            recording = with_shared_shocks(recording, beside)
+        if recording.temperature is None and declared.sensor in SENSOR_UNITS:
+            mine = [
+                d for d in self.declared if (d.sensor, d.kind) == (declared.sensor, declared.kind)
+            ]
+            sources = self.runs("temperature", declared.kind)
+            if sources:
+                recording = with_temperature(recording, sources, mine.index(declared), len(mine))
+            elif declared.kind == "thermal":
+                raise InputError(
+                    Problem(FILE, f"{declared.label}: columns.temperature", "is missing",
+                            "name the temperature's column, or add a recording of the temperature")
+                )  # fmt: skip
+        return recording
+
+
+def _attempt(read, *arguments):
+    """What `read` returns, or the `InputError` it raises: one bad recording leaves the others."""
+    try:
+        return read(*arguments)
+    except InputError as error:
+        return error
+
+
+def _static(read) -> bool:
+    return isinstance(read, Recording) and read.kind == "static" and read.sensor in SENSOR_UNITS
+
+
+class Sensor:
+    """A sensor's recordings: `sensor.static` is the longest static run."""
+
+    def __init__(self, device: Device, name: str):
+        self._device, self.name = device, name
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of recording declared for this sensor."""
+        return self._device.kinds(self.name)
+
+    def runs(self, kind: str) -> tuple[Recording, ...]:
+        """All recordings of this kind, longest first."""
+        return self._device.runs(self.name, kind)
+
+    def __getattr__(self, kind: str) -> Recording:
+        if kind.startswith("_"):
+            raise AttributeError(kind)
+        if kind not in self.kinds:
+            there = ", ".join(self.kinds) or "none"
+            raise AttributeError(
+                f"{self._device.id} has no {kind!r} recording of the {self.name}; kinds: {there}"
+            )
+        return self.runs(kind)[0]
+
+    def __dir__(self):
+        return [*super().__dir__(), *self.kinds]
+
+    def __repr__(self) -> str:
+        return f"<{self.name} of {self._device.id!r}: {', '.join(self.kinds)}>"

@@ -1,0 +1,146 @@
+"""What is odd about readable data: gaps, stamps, missing values, saturation, shocks, units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sensorbook.recordings.even import advancing
+from sensorbook.recordings.recording import GAP, Finding, Recording
+from sensorbook.units import SENSOR_UNITS
+
+SPIKE_SIGMAS = 10.0
+RATE_TOLERANCE = 0.01
+SATURATED_SHARE = 1e-3
+# Full scales of converters of 8 to 32 bits, signed and unsigned; 0 is no sign of saturation.
+_FULL_SCALES = {s for b in (8, 12, 14, 16, 20, 24, 32) for s in (-(2 ** (b - 1)), 2 ** (b - 1) - 1)}
+_FULL_SCALES |= {2**b - 1 for b in (8, 12, 14, 16, 20, 24, 32)}
+# Mean magnitude at rest that a right unit and scale can give, SI.
+_PLAUSIBLE = {
+    "accelerometer": (5.0, 15.0, "gravity is 9.8 m/s²"),
+    "gyroscope": (0.0, 1.0, "at rest it turns with the Earth, 7.3e-05 rad/s, plus its bias"),
+    "magnetometer": (2e-6, 2e-3, "the Earth's field is 2.2e-05 to 6.7e-05 T"),
+}
+
+
+def examine(
+    recording: Recording, raw: Sequence[np.ndarray], names: Sequence[str | int]
+) -> tuple[Finding, ...]:
+    """Everything odd about a recording; `raw` and `names` are its columns as in the file."""
+    found: list[Finding] = []
+
+    def say(kind: str, message: str, where: str = recording.sensor):
+        found.append(Finding(recording.file, where, kind, message))
+
+    _clock(recording, say)
+    for column, name in zip(raw, names, strict=True):
+        where = f"{recording.sensor}, column {name!r}"
+        missing = int(np.count_nonzero(~np.isfinite(column)))
+        if missing:
+            share = 100 * missing / len(column)
+            say("nan", f"{missing} of {len(column)} values missing ({share:.2g} %)", where)
+        if recording.sensor in SENSOR_UNITS and (message := saturation(column, recording.kind)):
+            say("saturated", message, where)
+    if recording.kind in ("static", "thermal") and recording.sensor in SENSOR_UNITS:
+        low, high, why = _PLAUSIBLE[recording.sensor]
+        magnitude = float(np.linalg.norm(np.nanmedian(recording.values, axis=0)))
+        if not low <= magnitude <= high:
+            unit = recording.declaration.get("unit", "")
+            say("unit", f"reads {magnitude:.3g} {recording.unit} at rest, but {why}: "
+                        f"check the unit {unit!r} and the scale")  # fmt: skip
+    if recording.kind == "static" and recording.sensor in SENSOR_UNITS:
+        rows = shocks(recording.values)
+        if len(rows):
+            say("spike", f"{_samples(len(rows))} beyond {SPIKE_SIGMAS:g} robust standard deviations, "
+                         f"{span(recording.time[rows])}")  # fmt: skip
+    return tuple(found)
+
+
+def _clock(recording: Recording, say) -> None:
+    if recording.rate is None or "time" not in recording.declaration.get("columns", {}):
+        return
+    time, declared = recording.time, recording.declaration.get("rate")
+    if declared is not None and abs(recording.rate / declared - 1) > RATE_TOLERANCE:
+        say("rate", f"the time column gives {recording.rate:g} Hz, not the {declared:g} Hz "
+                    "declared: the time column is used")  # fmt: skip
+    missing = int(np.count_nonzero(~np.isfinite(time)))
+    if missing:
+        say("nan", f"{_samples(missing)} without a time stamp")
+    steps = np.diff(time)
+    duplicates = int(np.count_nonzero(steps == 0))
+    if duplicates:
+        say("duplicate", f"{_samples(duplicates)} with the same time stamp as the one before")
+    backward = np.flatnonzero(steps < 0)
+    if len(backward):
+        say("backward", f"the time goes back at {_places(len(backward))}, first at "
+                        f"{time[backward[0]]:.6g} s by {-steps[backward[0]]:.3g} s")  # fmt: skip
+    good = np.flatnonzero(advancing(time))
+    steps = np.diff(time[good])
+    gaps = np.flatnonzero(steps * recording.rate > GAP)
+    if len(gaps):
+        longest = gaps[np.argmax(steps[gaps])]
+        missing = int(np.rint(steps[gaps] * recording.rate - 1).sum())
+        say("gap", f"samples missing at {_places(len(gaps))}, about {missing} in all; the longest "
+                   f"gap is {steps[longest]:.3g} s at {time[good[longest]]:.6g} s")  # fmt: skip
+
+
+def saturation(column: np.ndarray, kind: str) -> str:
+    """Says that a channel is stuck at its extreme; "" where nothing points to it."""
+    finite = column[np.isfinite(column)]
+    for name, extreme in (("lowest", finite.min()), ("highest", finite.max())):
+        stuck = int(np.count_nonzero(finite == extreme))
+        if stuck < max(3, SATURATED_SHARE * len(finite)):
+            continue
+        limit = float(extreme).is_integer() and int(extreme) in _FULL_SCALES and abs(extreme) > 2000
+        # Rests at the end of the range pile up where an instrument is moved between positions.
+        if limit or (kind not in ("positions", "six_position") and _piled_up(finite, extreme)):
+            share = 100 * stuck / len(finite)
+            return f"{stuck} samples ({share:.2g} %) at its {name} value {extreme:g}: saturated"
+    return ""
+
+
+def _piled_up(column: np.ndarray, extreme: float) -> bool:
+    """True where the extreme value is far more frequent than the values next to it.
+
+    A wide range is needed to tell: coarse counts pile up on few levels by nature.
+    """
+    levels, counts = np.unique(column, return_counts=True)
+    if len(levels) < 50:
+        return False
+    if extreme == levels[0]:
+        return bool(counts[0] > 10 * counts[1:11].mean())
+    return bool(counts[-1] > 10 * counts[-11:-1].mean())
+
+
+def shocks(values: np.ndarray) -> np.ndarray:
+    """Rows of (N, k) values farther than `SPIKE_SIGMAS` robust deviations from the median."""
+    rows = np.zeros(len(values), dtype=bool)
+    for column in values.T:
+        deviation = np.abs(column - np.nanmedian(column))
+        scale = 1.4826 * np.nanmedian(deviation)
+        floor = _resolution(column)  # coarse counts: most samples may equal the median
+        with np.errstate(invalid="ignore"):
+            rows |= deviation > SPIKE_SIGMAS * max(scale, floor)
+    return np.flatnonzero(rows)
+
+
+def _resolution(column: np.ndarray) -> float:
+    """Smallest difference between values of the first 10 000 samples."""
+    steps = np.diff(np.unique(column[:10_000][np.isfinite(column[:10_000])]))
+    steps = steps[steps > 1e-9 * np.nanmax(np.abs(column))]  # not the rounding of a conversion
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def _samples(count: int) -> str:
+    return "1 sample" if count == 1 else f"{count} samples"
+
+
+def _places(count: int) -> str:
+    return "1 place" if count == 1 else f"{count} places"
+
+
+def span(times: np.ndarray) -> str:
+    """Words for the stretch from the first to the last of these times (s)."""
+    first, last = np.nanmin(times), np.nanmax(times)
+    return f"at {first:.6g} s" if first == last else f"from {first:.6g} s to {last:.6g} s"

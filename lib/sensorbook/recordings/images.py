@@ -1,0 +1,104 @@
+"""Camera images: which files, the camera that took them, and the poses known for them."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from sensorbook.errors import InputError, Problem
+from sensorbook.recordings.paths import resolve
+from sensorbook.recordings.recording import Finding, html_table, plain
+from sensorbook.recordings.schema import FILE, Declared
+from sensorbook.recordings.tables import open_table
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """The images of one camera.
+
+    Parameters
+    ----------
+    sensor, kind : "camera", "images"
+    file : the pattern declared
+    names : names of the images, relative to the device folder, sorted
+    paths : where they are, in the same order
+    camera : the `camera` table as declared
+    poses : columns of the poses file by name (image, time, x, y, z, qx, qy, qz, qw), or None
+    sha256 : over all images in order
+    """
+
+    sensor: str
+    kind: str
+    file: str
+    names: tuple[str, ...]
+    paths: tuple[Path, ...]
+    camera: Mapping
+    poses: Mapping | None = None
+    findings: tuple[Finding, ...] = ()
+    sha256: str = ""
+    declaration: Mapping = field(default_factory=dict)
+    rate: None = None
+    duration: float = math.nan
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def provenance(self) -> dict:
+        """This recording's entry under `inputs` of results.json, in plain JSON types."""
+        return plain(self.declaration) | {
+            "file": self.file,
+            "sha256": self.sha256,
+            "sensor": self.sensor,
+            "kind": self.kind,
+            "samples": len(self),
+            "rate_hz": None,
+            "duration_s": None,
+            "gaps": 0,
+        }
+
+    def _repr_html_(self) -> str:
+        return html_table([("camera", f"{len(self)} images"), ("file", self.file)])
+
+
+def read_images(declared: Declared, folder: Path) -> Images:
+    """Lists the images and reads the poses; the images themselves are read by who needs them."""
+    pattern, where = declared.file, f"{declared.label}: file"
+    try:
+        names = sorted(p.relative_to(folder).as_posix() for p in folder.glob(pattern))
+    except (ValueError, NotImplementedError, OSError) as error:
+        message = f"{pattern!r} is no pattern: {error}"
+        raise InputError(Problem(FILE, where, message, "write images/*.png")) from None
+    if not names:
+        raise InputError(
+            Problem(
+                FILE, where, f"no image matches {pattern!r}", "write a pattern such as images/*.png"
+            )
+        )
+    paths = tuple(resolve(folder, name, where) for name in names)
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.read_bytes())
+    poses = None
+    if "poses" in declared.table:
+        poses = _poses(declared, folder)
+    return Images(
+        sensor="camera",
+        kind="images",
+        file=pattern,
+        names=tuple(names),
+        paths=paths,
+        camera=declared.table["camera"],
+        poses=poses,
+        sha256=digest.hexdigest(),
+        declaration=declared.table,
+    )
+
+
+def _poses(declared: Declared, folder: Path) -> dict:
+    name = declared.table["poses"]
+    table = open_table(resolve(folder, name, f"{declared.label}: poses"), name)
+    table.column("image")  # raises, saying which columns there are
+    return {column: table.column(column) for column in table.names if column}
