@@ -1,0 +1,169 @@
+"""The command `sensorbook`: thin over the library, which it imports only where it is needed."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Any
+
+from sensorbook import InputError, __version__
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command; returns the exit code: 0 done, 1 something failed, 2 usage, 130 stopped."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # a file's name may hold anything
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as end:  # argparse has said why
+        return int(end.code or 0)
+    try:
+        return arguments.run(arguments)
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of our output has enough: nothing is left to be told
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except InputError as error:
+        if arguments.debug:
+            traceback.print_exc()
+        else:
+            print(error, file=sys.stderr)
+        return 1
+    except Exception as error:
+        if arguments.debug:
+            traceback.print_exc()
+        else:
+            line = " ".join(f"{type(error).__name__}: {error}".split())
+            print(f"{line} (a fault; --debug shows where)", file=sys.stderr)
+        return 1
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    from sensorbook.reporting.chapters import CHAPTERS
+
+    known = [chapter.slug for chapter in CHAPTERS]
+    if unknown := [slug for slug in arguments.only or () if slug not in known]:
+        print(
+            f"sensorbook report: --only: no chapter {', '.join(map(repr, unknown))};"
+            f" choose from {', '.join(known)}",
+            file=sys.stderr,
+        )
+        return 2
+    from sensorbook.reporting.run import report
+
+    return report(
+        arguments.paths,
+        arguments.out,
+        jobs=arguments.jobs,
+        only=arguments.only or (),
+        debug=arguments.debug,
+    )
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from sensorbook.recordings import check
+
+    failed = False
+    for path in arguments.paths:
+        problems, findings = check(path)
+        prefix = f"{path}: " if len(arguments.paths) > 1 else ""
+        for problem in problems:
+            print(f"{prefix}{problem}", file=sys.stderr)
+        for finding in findings:
+            print(f"{prefix}warning: {finding}")
+        if not problems:
+            count = f"{len(findings)} warning{'' if len(findings) == 1 else 's'}"
+            print(f"{path}: {count if findings else 'nothing to mend'}")
+        failed = failed or bool(problems)
+    return int(failed)
+
+
+def _simulate(arguments: argparse.Namespace) -> int:
+    from sensorbook.simulate import PRESETS, simulate
+
+    if arguments.preset not in PRESETS:
+        print(
+            f"sensorbook simulate: --preset: no preset {arguments.preset!r};"
+            f" choose from {', '.join(PRESETS)}",
+            file=sys.stderr,
+        )
+        return 2
+    simulate(arguments.folder, preset=arguments.preset, seed=arguments.seed)
+    print(f"{arguments.folder}: written; next: sensorbook report {arguments.folder}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--debug", action="store_true", help="show tracebacks")
+    parser = argparse.ArgumentParser(
+        prog="sensorbook",
+        description="Calibration results and reports from raw recordings of sensors.",
+        epilog="example:\n  sensorbook simulate data/demo\n  sensorbook report data/demo",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"sensorbook {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name: str, run: Any, does: str, example: str) -> argparse.ArgumentParser:
+        made = commands.add_parser(
+            name,
+            parents=[common],
+            help=does,
+            description=does[0].upper() + does[1:] + ".",
+            epilog=f"example:\n  {example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        made.set_defaults(run=run)
+        return made
+
+    report = command(
+        "report",
+        _report,
+        "render every report of device folders",
+        "sensorbook report data/imu-7 data/imu-8 --out reports",
+    )
+    report.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml")
+    report.add_argument("--out", default="reports", metavar="DIR", help="default: reports")
+    report.add_argument(
+        "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
+    )
+    report.add_argument("--only", nargs="+", metavar="CHAPTER", help="these chapters alone")
+    report.add_argument(
+        "--force", action="store_true", help="render what is up to date, too (as every run does)"
+    )
+
+    check = command(
+        "check",
+        _check,
+        "check device folders without computing: every problem, and how to mend it",
+        "sensorbook check data/imu-7",
+    )
+    check.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml")
+
+    simulate = command(
+        "simulate",
+        _simulate,
+        "write a simulated device folder, with the truth beside it",
+        "sensorbook simulate data/demo --seed 1",
+    )
+    simulate.add_argument("folder", metavar="DIR", help="folder to write")
+    simulate.add_argument("--seed", type=int, default=1, metavar="N", help="default: 1")
+    simulate.add_argument("--preset", default="ahrs", metavar="NAME", help="default: ahrs")
+    return parser
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1")
+    return int(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,223 @@
+"""What a chapter needs from its notebook: load, say, show, warn, record.
+
+The only module that knows notebooks. Everything shown goes out as a display with a MIME bundle, so
+that Jupyter and the report show the same; what a report must know besides travels in the same
+outputs as `application/vnd.sensorbook+json`, and nothing is written to disk.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import json
+import math
+import numbers
+import re
+import string
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from IPython.display import display
+
+import sensorbook
+from sensorbook.errors import InputError, Problem
+from sensorbook.recordings.recording import html_table
+
+MIME = "application/vnd.sensorbook+json"
+DPI = 160  # pixels an inch; shown at 96, so that figures stay crisp on dense screens
+
+
+def load(folder: str, sensor: str, kind: str) -> tuple[sensorbook.Device, tuple]:
+    """The device and its recordings of one kind, longest first; shows a table of them.
+
+    The table's display also holds the device, the recordings' provenance and what was found in
+    them, from which a report fills its record.
+    """
+    device = sensorbook.load(folder)
+    runs = tuple(device.runs(sensor, kind))
+    if not runs:
+        raise InputError(
+            Problem(
+                "device.toml",
+                "[[recording]]",
+                f"no {sensor} recording of kind {kind!r}",
+                f'add one with sensor = "{sensor}" and kind = "{kind}"',
+            )
+        )
+    inputs = [run.provenance() for run in runs]
+    found = [
+        {"file": f.file, "message": f"{f.where}: {f.message}"} for run in runs for f in run.findings
+    ]
+    about = {
+        "device": {
+            "id": device.id,
+            "name": device.name,
+            "model": device.model,
+            "serial": device.serial,
+            "spec": device.spec.get(sensor, {}),
+        },
+        "inputs": inputs,
+        "warnings": found,
+    }
+    rows = [
+        (
+            i["file"],
+            "unknown" if i["duration_s"] is None else duration_words(i["duration_s"]),
+            "unknown" if i["rate_hz"] is None else f"{i['rate_hz']:.6g} Hz",
+            f"{i['samples']:,}".replace(",", "\u202f"),
+        )
+        for i in inputs
+    ]
+    table = html_table(rows, header=("Recording", "Duration", "Rate", "Samples"))
+    plain = "\n".join(", ".join(row) for row in rows)
+    _publish({"text/html": table + "".join(map(_warning_html, found)), "text/plain": plain}, about)
+    return device, runs
+
+
+def say(template: str, **values: Any) -> None:
+    """Shows a sentence in Markdown.
+
+    `template` is our own text; with `values`, its `{fields}` are filled: numbers by their format,
+    everything else as inert text, whatever Markdown or HTML it holds. Without values the text is
+    shown as it is, so that a sentence from the data always belongs into a value.
+    """
+    text = _Inert().vformat(template, (), values) if values else template
+    _publish({"text/markdown": text, "text/plain": html.unescape(text)})
+
+
+def show(item: Any, caption: str = "", alt: str | None = None, thumbnail: bool = False) -> None:
+    """Shows a figure (matplotlib Figure or Axes) or a table (anything with an HTML form).
+
+    A figure needs a caption or an alternative text; `thumbnail` puts it on the device's index.
+    """
+    figure = item if hasattr(item, "savefig") else getattr(item, "figure", None)
+    if figure is not None:
+        _show_figure(figure, caption, caption if alt is None else alt, thumbnail)
+        return
+    table = item.to_html(border=0, na_rep="–") if hasattr(item, "to_html") else item._repr_html_()
+    if caption:
+        note = f"<caption>{html.escape(caption)}</caption>"
+        table, done = re.subn(r"<table\b[^>]*>", lambda m: m[0] + note, table, count=1)
+        if not done:
+            table += f"<p>{html.escape(caption)}</p>"
+    _publish({"text/html": table, "text/plain": str(item)})
+
+
+def warn(message: str, file: str = "") -> None:
+    """Shows a warning and records it; `file` names the recording it is about."""
+    warning = {"file": file, "message": message}
+    plain = f"Warning: {file + ': ' if file else ''}{message}"
+    _publish({"text/html": _warning_html(warning), "text/plain": plain}, {"warnings": [warning]})
+
+
+def record(results: Mapping[str, Any], warnings: Iterable[Mapping[str, str]] = ()) -> None:
+    """Records the chapter's results, in the names and units of results.json.
+
+    NumPy scalars and arrays become plain numbers and lists; NaN and infinity are refused with
+    the key that holds them.
+    """
+    listed = [{"file": w.get("file", ""), "message": w["message"]} for w in warnings]
+    _publish(
+        {"text/plain": "Results recorded: " + ", ".join(results)},
+        {"results": _plain(results, "results"), "warnings": listed},
+    )
+
+
+def read_record(path: str) -> dict[str, Any] | None:
+    """The record of a chapter that this one needs; None where the path is empty."""
+    if not path:
+        return None
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            Problem(
+                path,
+                "",
+                f"this record cannot be read ({error})",
+                "render its chapter first, or give an empty path to go on without it",
+            )
+        ) from None
+
+
+def escape(text: str) -> str:
+    """Text that stays inert in Markdown and in HTML: punctuation becomes character references."""
+    line = "".join(c if c.isprintable() else " " for c in str(text)).strip()
+    return "".join(f"&#{ord(c)};" if c in string.punctuation else c for c in line)
+
+
+def duration_words(seconds: float) -> str:
+    """A duration to three digits in the unit a reader would choose: `2 h`, `45.5 min`, `9.3 s`."""
+    for unit, size, least in (("d", 86400, 172800), ("h", 3600, 7200), ("min", 60, 120)):
+        if seconds >= least:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+class _Inert(string.Formatter):
+    """Formats numbers by their spec and makes everything else inert text."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        text = format(value, format_spec)
+        return text if isinstance(value, numbers.Number) else escape(text)
+
+
+def _show_figure(figure: Any, caption: str, alt: str, thumbnail: bool) -> None:
+    import matplotlib.pyplot as plt
+
+    if not alt:
+        raise ValueError("a figure needs a caption or an alternative text")
+    buffer = io.BytesIO()
+    # The version in the file's metadata would make equal figures differ.
+    figure.savefig(buffer, format="png", dpi=DPI, bbox_inches="tight", metadata={"Software": None})
+    plt.close(figure)  # or the inline backend shows it a second time
+    png = buffer.getvalue()
+    width, height = (round(int.from_bytes(png[at : at + 4], "big") * 96 / DPI) for at in (16, 20))
+    about = {"alt": alt, "caption": caption, "width": width, "height": height}
+    if thumbnail:
+        about["thumbnail"] = True
+    coded = base64.b64encode(png).decode("ascii")
+    _publish({"image/png": coded, "text/plain": alt}, metadata={"image/png": about})
+    if caption:
+        # Jupyter shows no caption of its own; a report has it below the figure and skips this.
+        _publish(
+            {"text/markdown": f"*{escape(caption)}*", "text/plain": caption},
+            metadata={"sensorbook": "caption"},
+        )
+
+
+def _publish(
+    bundle: dict[str, Any],
+    record_: dict[str, Any] | None = None,
+    metadata: dict[str, Any] | None = None,
+) -> None:
+    if record_ is not None:
+        bundle = {**bundle, MIME: record_}
+    display(bundle, raw=True, metadata=metadata or {})
+
+
+def _warning_html(warning: Mapping[str, str]) -> str:
+    place = f"<strong>{html.escape(warning['file'])}</strong>: " if warning["file"] else ""
+    return f'<p class="warning">{place}{html.escape(warning["message"])}</p>'
+
+
+def _plain(value: Any, key: str) -> Any:
+    """`value` in JSON's own types; `key` is the path to it, for the error's sake."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v, f"{key}.{k}") for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, list | tuple):
+        return [_plain(v, f"{key}[{i}]") for i, v in enumerate(value)]
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise ValueError(f"{key} is {value}: record null and say why instead")
+        return value
+    raise TypeError(f"{key} is a {type(value).__name__}: only numbers, text, lists and tables")

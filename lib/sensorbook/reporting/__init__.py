@@ -1,0 +1,1 @@
+"""Reports: chapters executed by papermill, rendered by nbconvert, gathered into an index."""

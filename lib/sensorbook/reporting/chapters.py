@@ -1,0 +1,55 @@
+"""The chapters, in reading order: one row each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+NOTEBOOKS = Path(__file__).resolve().parents[3] / "notebooks"
+INERTIAL_AND_MAGNETIC = ("accelerometer", "gyroscope", "magnetometer")
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """One notebook that is run for every sensor with recordings of its kind.
+
+    Parameters
+    ----------
+    slug : names its page and record, and `--only`
+    notebook : its file
+    title : as the reports show it
+    kind : kind of recording it reads
+    sensors : sensors it is for
+    needs : slugs of the chapters whose records it reads, as the parameters `<slug>_record`
+    result : key of its main result under `sensors.<sensor>` in results.json
+    """
+
+    slug: str
+    notebook: Path
+    title: str
+    kind: str
+    sensors: tuple[str, ...]
+    needs: tuple[str, ...]
+    result: str
+
+
+CHAPTERS = (
+    Chapter(
+        slug="thermal",
+        notebook=NOTEBOOKS / "01_thermal_calibration.ipynb",
+        title="Thermal calibration",
+        kind="thermal",
+        sensors=INERTIAL_AND_MAGNETIC,
+        needs=(),
+        result="thermal",
+    ),
+    Chapter(
+        slug="allan",
+        notebook=NOTEBOOKS / "02_allan_deviation.ipynb",
+        title="Allan deviation",
+        kind="static",
+        sensors=INERTIAL_AND_MAGNETIC,
+        needs=("thermal",),
+        result="noise",
+    ),
+)

@@ -1,0 +1,298 @@
+"""The summary pages: one of a device, one of all devices. They derive from files on disk alone."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from sensorbook import units
+from sensorbook.notebook import duration_words
+from sensorbook.reporting.render import environment
+from sensorbook.reporting.results import AXES, overall
+
+THUMBNAIL_WIDTH = 560  # pixels; shown at half of it
+
+# As the field calls them; the random walk's name depends on what is integrated.
+NAMES = {
+    "quantization": "Quantization Q",
+    "random_walk": "Random walk N",
+    "noise_density": "Noise density √2·N",
+    "bias_instability": "Bias instability B",
+    "rate_random_walk": "Rate random walk K",
+    "rate_ramp": "Rate ramp R",
+    "rms_before": "Residual before the thermal model",
+    "rms_after": "Residual after the thermal model",
+}
+SENSOR_NAMES = {
+    ("gyroscope", "random_walk"): "Angle random walk N",
+    ("accelerometer", "random_walk"): "Velocity random walk N",
+    ("accelerometer", "rate_random_walk"): "Acceleration random walk K",
+}
+ALWAYS = ("random_walk", "noise_density", "bias_instability", "rate_random_walk")
+SYMBOLS = {"pass": "✓", "fail": "✗", "undecided": "?", None: ""}
+
+
+def device_page(found: dict[str, Any], folder: Path) -> str:
+    """The index of one device, from its results.json; `folder` holds its chapters' notebooks."""
+    listed = [
+        chapter | {"thumbnail": _thumbnail(folder / chapter["notebook"])}
+        for chapter in found["chapters"]
+    ]
+    sensors = [
+        {
+            "name": sensor,
+            "noise": _noise_rows(sensor, result, found["checks"]),
+            "thermal": _thermal_rows(sensor, result.get("thermal", {})),
+        }
+        for sensor, result in found["sensors"].items()
+    ]
+    other = [check for check in found["checks"] if check["sensor"] not in found["sensors"]]
+    return (
+        environment()
+        .get_template("device.html.j2")
+        .render(
+            found=found,
+            banner=_banner(found),
+            chapters=listed,
+            sensors=sensors,
+            unjudged=sorted(
+                {(check["sensor"], _name(check["sensor"], check["quantity"])) for check in other}
+            ),
+            inputs=[_input_row(recording) for recording in found["inputs"]],
+        )
+    )
+
+
+def group_page(root: Path) -> str:
+    """The index of all devices found below a report folder; those with a failure first."""
+    rows = []
+    for file in root.glob("*/results.json"):
+        if file.resolve() != file:
+            continue  # a link to elsewhere
+        try:
+            found = json.loads(file.read_text(encoding="utf-8"))
+            rows.append(_group_row(file.parent.name, found))
+        except (OSError, ValueError, KeyError, TypeError):
+            rows.append(_unreadable_row(file.parent.name))
+    order = {"failed": 0, "refused": 1, "complete": 2}
+    verdicts = {"fail": 0, "undecided": 1, "pass": 2, None: 2}
+    rows.sort(key=lambda r: (order[r["status"]], verdicts[r["verdict"]], r["folder"]))
+    shown = [s for s in units.SENSOR_UNITS if any(s in row["key_numbers"] for row in rows)]
+    columns = [
+        (sensor, _name(sensor, quantity), units.field_unit(sensor, quantity)[0], quantity)
+        for sensor in shown
+        for quantity in ("random_walk", "bias_instability")
+    ]
+    return environment().get_template("group.html.j2").render(rows=rows, columns=columns)
+
+
+def _group_row(folder: str, found: dict[str, Any]) -> dict[str, Any]:
+    statuses = {chapter["status"] for chapter in found["chapters"]}
+    if found["problems"]:
+        statuses.add("failed")
+    numbers = {
+        sensor: {
+            quantity: [_short(sensor, quantity, result["noise"][axis]) for axis in AXES]
+            for quantity in ("random_walk", "bias_instability")
+        }
+        for sensor, result in found["sensors"].items()
+        if "x" in result.get("noise", {})
+    }
+    return {
+        "folder": folder,
+        "id": found["device"]["id"],
+        "name": found["device"]["name"],
+        "status": next((s for s in ("failed", "refused") if s in statuses), "complete"),
+        "empty": not found["chapters"],
+        "verdict": overall(found["checks"]),
+        "symbol": SYMBOLS[overall(found["checks"])],
+        "key_numbers": numbers,
+        "created": found["created"],
+    }
+
+
+def _unreadable_row(folder: str) -> dict[str, Any]:
+    return {
+        "folder": folder,
+        "id": folder,
+        "name": "its results.json cannot be read: render it again",
+        "status": "failed",
+        "empty": False,
+        "verdict": None,
+        "symbol": "",
+        "key_numbers": {},
+        "created": "",
+    }
+
+
+def _banner(found: dict[str, Any]) -> dict[str, str]:
+    """The verdict in words."""
+    checks = found["checks"]
+    count = {v: sum(c["verdict"] == v for c in checks) for v in ("pass", "fail", "undecided")}
+    total = f"of {len(checks)} checks"
+    verdict = overall(checks)
+    if verdict is None:
+        return {
+            "kind": "",
+            "words": "No limits given.",
+            "detail": "Add a [spec] table to device.toml to have the device judged against it.",
+        }
+    parts = []
+    if count["fail"]:
+        parts.append(f"{count['fail']} {total} failed")
+    if count["undecided"]:
+        parts.append(f"{count['undecided']} {total} undecided")
+    words = {
+        "pass": f"Within every limit: all {len(checks)} checks passed.",
+        "fail": "Outside its limits: " + ", ".join(parts) + ".",
+        "undecided": "Cannot be decided: " + ", ".join(parts) + ".",
+    }[verdict]
+    detail = (
+        "A check passes or fails only where the whole 95 % interval lies on one side of the limit."
+    )
+    return {"kind": verdict, "words": f"{SYMBOLS[verdict]} {words}", "detail": detail}
+
+
+def _noise_rows(
+    sensor: str, result: dict[str, Any], checks: list[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """A row a quantity: the quantities always shown, and those with a limit."""
+    noise = result.get("noise", {})
+    mine = [check for check in checks if check["sensor"] == sensor]
+    limited = dict.fromkeys(check["quantity"] for check in mine)
+    shown = ALWAYS if "x" in noise else ()
+    wanted = (*shown, *(quantity for quantity in limited if quantity not in shown))
+    rows = []
+    for quantity in wanted:
+        label, scale = _field_unit(sensor, quantity)
+        cells = []
+        for axis in AXES:
+            verdicts = [c for c in mine if c["quantity"] == quantity and c["axis"] == axis]
+            cell = _cell(
+                noise.get(axis, {}), result.get("thermal", {}).get(axis, {}), quantity, scale
+            )
+            cell["verdict"] = overall(verdicts)
+            cell["symbol"] = SYMBOLS[cell["verdict"]]
+            cells.append(cell)
+        limits = dict.fromkeys(
+            f"{'≤' if c['bound'] == 'max' else '≥'} {c['limit'] / scale:.4g}"
+            for c in mine
+            if c["quantity"] == quantity
+        )
+        rows.append(
+            {
+                "name": _name(sensor, quantity),
+                "unit": label,
+                "cells": cells,
+                "limit": ", ".join(limits),
+            }
+        )
+    return rows
+
+
+def _cell(noise: dict, thermal: dict, quantity: str, scale: float) -> dict[str, Any]:
+    """One axis of one quantity in field units, as text."""
+    entry = noise.get(quantity, thermal.get(quantity))
+    if isinstance(entry, dict):
+        value, low, high = interval(
+            entry["value"] / scale, entry["low"] / scale, entry["high"] / scale
+        )
+        return {"value": value, "interval": f"{low} … {high}"}
+    if isinstance(entry, int | float):
+        return {"value": f"{entry / scale:.3g}", "interval": ""}
+    bound = noise.get("upper_bounds", {}).get(quantity)
+    if quantity in noise:
+        note = "" if bound is None else f"below {bound / scale:.2g}"
+        return {"value": "no visible effect", "interval": note}
+    return {"value": "–", "interval": ""}
+
+
+def interval(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """Three numbers with as many digits as the interval deserves: two of its half-width."""
+    width = abs(high - low) / 2
+    if not width or not value:
+        return f"{value:.4g}", f"{low:.4g}", f"{high:.4g}"
+    digits = 1 - math.floor(math.log10(width))
+    if -4 < digits < 7:
+        texts = (f"{round(number, digits):.{max(digits, 0)}f}" for number in (value, low, high))
+    else:
+        precise = max(2, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(width)))
+        texts = (f"{number:.{precise}g}" for number in (value, low, high))
+    return tuple(texts)
+
+
+def _short(sensor: str, quantity: str, noise: dict) -> str:
+    entry = noise.get(quantity)
+    scale = _field_unit(sensor, quantity)[1]
+    if entry is not None:
+        return f"{entry['value'] / scale:.3g}"
+    bound = noise.get("upper_bounds", {}).get(quantity)
+    return "–" if bound is None else f"< {bound / scale:.2g}"
+
+
+def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
+    label, scale = _field_unit(sensor, "rms_before")
+    rows = []
+    for axis in AXES:
+        if not isinstance(found := thermal.get(axis), dict):
+            continue
+        low, high = found["range"]
+        degree = found.get("degree")
+        rows.append(
+            {
+                "axis": axis,
+                "model": found["model"] + (f", degree {degree}" if degree is not None else ""),
+                "range": f"{low:.1f} … {high:.1f} °C",
+                "before": f"{found['rms_before'] / scale:.3g}",
+                "after": f"{found['rms_after'] / scale:.3g}",
+                "unit": label,
+            }
+        )
+    return rows
+
+
+def _input_row(recording: dict[str, Any]) -> dict[str, str]:
+    duration, rate = recording["duration_s"], recording["rate_hz"]
+    return {
+        "file": recording["file"],
+        "sensor": recording["sensor"],
+        "kind": recording["kind"],
+        "duration": "unknown" if duration is None else duration_words(duration),
+        "rate": "unknown" if rate is None else f"{rate:.6g} Hz",
+        "samples": f"{recording['samples']:,}".replace(",", "\u202f"),
+        "gaps": str(recording["gaps"]),
+        "sha256": recording["sha256"][:12],
+    }
+
+
+def _thumbnail(notebook: Path) -> str | None:
+    """The first figure meant for the index, scaled down, as the source of an image."""
+    try:
+        cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    except (OSError, ValueError, KeyError):
+        return None
+    for cell in cells:
+        for output in cell.get("outputs", ()):
+            if output.get("metadata", {}).get("image/png", {}).get("thumbnail"):
+                from PIL import Image
+
+                png = output["data"]["image/png"]
+                image = Image.open(io.BytesIO(base64.b64decode("".join(png)))).convert("RGB")
+                image.thumbnail((THUMBNAIL_WIDTH, THUMBNAIL_WIDTH), Image.Resampling.LANCZOS)
+                buffer = io.BytesIO()
+                image.quantize(64).save(buffer, format="png", optimize=True)
+                return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return None
+
+
+def _name(sensor: str, quantity: str) -> str:
+    plain = quantity.replace("_", " ").capitalize()
+    return SENSOR_NAMES.get((sensor, quantity)) or NAMES.get(quantity, plain)
+
+
+def _field_unit(sensor: str, quantity: str) -> tuple[str, float]:
+    return ("%", 1.0) if quantity.endswith("_percent") else units.field_unit(sensor, quantity)

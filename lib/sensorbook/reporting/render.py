@@ -1,0 +1,193 @@
+"""Executed notebooks → self-contained pages, and the surroundings all pages share.
+
+Pages hold no script and no network address. Input text may stand in any output, so HTML in Markdown
+outputs is escaped and HTML outputs keep only the tags of tables and text; the notebooks' own
+Markdown cells are ours and may hold HTML.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+import threading
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import bleach
+import jinja2
+import nbformat
+from latex2mathml.converter import Converter
+from markupsafe import Markup
+from nbconvert import HTMLExporter
+from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
+
+from sensorbook.notebook import MIME
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+# What tables and short texts are made of; `style`, links and images have no place in an output.
+TAGS = {
+    "table", "thead", "tbody", "tfoot", "tr", "th", "td", "caption", "p", "div", "span", "br", "hr",
+    "strong", "em", "b", "i", "u", "small", "code", "pre", "sub", "sup", "ul", "ol", "li", "dl", "dt",
+    "dd", "h3", "h4", "h5", "h6", "abbr",
+}  # fmt: skip
+ATTRIBUTES = {
+    "*": ["class", "title"],
+    "th": ["colspan", "rowspan", "scope"],
+    "td": ["colspan", "rowspan"],
+    "ol": ["start"],
+}
+MATH_ATTRIBUTES = {
+    "accent", "accentunder", "columnalign", "columnlines", "columnspacing", "depth", "display",
+    "displaystyle", "fence", "form", "height", "linethickness", "lspace", "mathsize", "mathvariant",
+    "maxsize", "minsize", "movablelimits", "rowlines", "rowspacing", "rspace", "scriptlevel",
+    "separator", "stretchy", "symmetric", "voffset", "width",
+}  # fmt: skip
+
+
+@cache
+def environment() -> jinja2.Environment:
+    """The templates of every page; whatever they show is escaped."""
+    made = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    made.filters["day"] = _day
+    made.globals["style"] = Markup((TEMPLATES / "style.css").read_text(encoding="utf-8"))
+    return made
+
+
+def chapter_page(notebook: nbformat.NotebookNode, record: dict[str, Any]) -> str:
+    """The page of an executed notebook; `record` is the chapter's."""
+    exporter = _exporter()
+    exporter.headings = []
+    body, _ = exporter.from_notebook_node(notebook)
+    title = next((text for level, _, text in exporter.headings if level == 1), record["title"])
+    contents = [heading for heading in exporter.headings if heading[0] in (2, 3)]
+    return (
+        environment()
+        .get_template("chapter.html.j2")
+        .render(title=title, contents=contents, body=Markup(body), record=record)
+    )
+
+
+_thread = threading.local()
+
+
+def _exporter() -> _Exporter:
+    """One exporter a thread: making one takes longer than a page, and it is not for sharing."""
+    if not hasattr(_thread, "exporter"):
+        _thread.exporter = _Exporter()
+    return _thread.exporter
+
+
+class _Exporter(HTMLExporter):
+    """nbconvert's exporter with our template, which renders the page's body."""
+
+    headings: list[tuple[int, str, Markup]] = []  # noqa: RUF012, one exporter a thread
+
+    def __init__(self) -> None:
+        super().__init__(template_name="body", extra_template_basedirs=[str(TEMPLATES)])
+
+    def _create_environment(self) -> jinja2.Environment:
+        made = super()._create_environment()
+        made.autoescape = True
+        made.filters["own_markdown"] = lambda text: self._markdown(text, escape=False)
+        made.filters["inert_markdown"] = lambda text: self._markdown(text, escape=True)
+        made.filters["inert_html"] = inert_html
+        made.filters["shown"] = _shown
+        return made
+
+    def _markdown(self, text: str, escape: bool) -> Markup:
+        renderer = _Renderer(escape=escape, headings=self.headings)
+        return Markup(MarkdownWithMath(renderer=renderer).render(text))
+
+
+class _Renderer(IPythonRenderer):
+    """Markdown → HTML with MathML, anchors on headings and no way out of the page."""
+
+    def __init__(self, escape: bool, headings: list[tuple[int, str, Markup]]):
+        super().__init__(escape=escape, exclude_anchor_links=True)
+        self.headings = headings
+
+    def heading(self, text: str, level: int, **_: Any) -> str:
+        plain = html.unescape(re.sub(r"<math.*?</math>|<[^>]*>", "", text, flags=re.DOTALL))
+        slug = re.sub(r"\W+", "-", plain.lower()).strip("-") or "section"
+        taken = {anchor for _, anchor, _ in self.headings}
+        anchor = next(a for n in range(1000) if (a := f"{slug}-{n}" if n else slug) not in taken)
+        first = level == 1 and not any(known == 1 for known, _, _ in self.headings)
+        self.headings.append((level, anchor, Markup(text)))
+        # The first H1 is the page's title and stands in its head.
+        return "" if first else f'<h{level} id="{html.escape(anchor)}">{text}</h{level}>\n'
+
+    def text(self, text: str) -> str:
+        return html.escape(html.unescape(text), quote=False)
+
+    def link(self, text: str, url: str, title: str | None = None) -> str:
+        if url.startswith("#"):
+            return f'<a href="{html.escape(url)}">{text}</a>'
+        return re.sub(r"^(?:https?|mailto)://?", "", text)
+
+    def image(self, text: str, url: str, title: str | None = None) -> str:
+        if self._escape:
+            return html.escape(text)
+        return super().image(text, url, title)
+
+    def table(self, text: str) -> str:
+        return f'<div class="scroll"><table>\n{text}</table></div>\n'
+
+    def block_math(self, body: str) -> str:
+        return f'<div class="math">{mathml(body, "block")}</div>\n'
+
+    def inline_math(self, body: str) -> str:
+        return mathml(body, "inline")
+
+    def latex_environment(self, name: str, body: str) -> str:
+        return self.block_math(f"\\begin{{{name}}}{body}\\end{{{name}}}")
+
+
+def mathml(latex: str, display: str) -> str:
+    """LaTeX → MathML; what cannot be converted is shown as it is written."""
+    try:
+        tree = Converter(display=display).convert_to_element(latex)
+    except Exception:  # the converter raises whatever its parser stumbles over
+        return f"<code>{html.escape(latex)}</code>"
+    for element in tree.iter():
+        # The converter keeps character references as text, and its own output does not escape.
+        element.text = html.unescape(element.text) if element.text else element.text
+        element.tail = html.unescape(element.tail) if element.tail else element.tail
+        for name in set(element.attrib) - MATH_ATTRIBUTES:
+            del element.attrib[name]
+    return ElementTree.tostring(tree, encoding="unicode", short_empty_elements=False)
+
+
+def inert_html(text: str) -> Markup:
+    """HTML with nothing left but tables and text."""
+    text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL | re.IGNORECASE)
+    return Markup(bleach.clean(text, tags=TAGS, attributes=ATTRIBUTES, strip=True))
+
+
+def _shown(output: nbformat.NotebookNode) -> str:
+    """Which form of an output a page shows; empty for none."""
+    if output.output_type == "error":
+        return "refusal" if output.ename == "Refusal" else ""
+    if output.output_type == "stream":
+        return "stdout" if output.name == "stdout" else ""
+    data = output.data
+    if output.metadata.get("sensorbook") == "caption" or any("widget" in key for key in data):
+        return ""
+    forms = ("image/png", "text/html", "text/markdown", "text/latex", "text/plain")
+    form = next((form for form in forms if form in data), "")
+    return "" if form == "text/plain" and MIME in data else form
+
+
+def _day(moment: str) -> str:
+    """`2026-05-12T…` → `12 May 2026`."""
+    then = datetime.fromisoformat(moment)
+    return f"{then.day} {then:%B %Y}"

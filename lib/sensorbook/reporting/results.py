@@ -1,0 +1,179 @@
+"""results.json of a device: assembled from the chapters' records on disk, and nothing else."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from sensorbook import units
+from sensorbook.reporting import chapters
+
+AXES = ("x", "y", "z")
+SCHEMA = Path(__file__).with_name("results.schema.json")
+
+
+def dumps(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+
+
+def sensors() -> tuple[str, ...]:
+    """Every sensor that some chapter is for."""
+    return tuple(dict.fromkeys(s for chapter in chapters.CHAPTERS for s in chapter.sensors))
+
+
+def read_records(folder: Path) -> list[dict[str, Any]]:
+    """The chapters found in a device's report folder, by sensor in reading order.
+
+    A failed chapter has no record; what is known of it stands in its notebook's metadata.
+    """
+    found = []
+    for sensor in sensors():
+        if (folder / sensor).is_symlink():
+            continue
+        for chapter in chapters.CHAPTERS:
+            record_file = folder / sensor / f"{chapter.slug}.json"
+            notebook = record_file.with_suffix(".ipynb")
+            named = {"chapter": chapter.slug, "title": chapter.title, "sensor": sensor}
+            if record_file.is_file():
+                found.append({**json.loads(record_file.read_text(encoding="utf-8")), **named})
+            elif notebook.is_file():
+                about = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
+                reason = about.get("sensorbook", {}).get("reason") or "it did not end"
+                found.append({**named, "status": "failed", "reason": reason})
+    return found
+
+
+def status_of(record_file: Path) -> str | None:
+    """How the chapter of a record ended; None where there is no record."""
+    if not record_file.is_file():
+        return None
+    return json.loads(record_file.read_text(encoding="utf-8"))["status"]
+
+
+def assemble(
+    device: dict[str, Any],
+    software: dict[str, str],
+    created: str,
+    records: list[dict[str, Any]],
+    problems: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """results.json.
+
+    Parameters
+    ----------
+    device : id, name, model, serial and spec (limits by sensor)
+    software, created : of this report
+    records : as `read_records` gives them
+    problems : what keeps the device as a whole from being read
+    """
+    result_of = {chapter.slug: chapter.result for chapter in chapters.CHAPTERS}
+    found: dict[str, dict] = {}
+    inputs: list[dict] = []
+    warnings: list[dict] = []
+    listed = []
+    for record in records:
+        sensor, slug, status = record["sensor"], record["chapter"], record["status"]
+        if status == "complete":
+            found.setdefault(sensor, {}).update(record["results"])
+        elif status == "refused":
+            reason = {"reason": record["reason"]}
+            if result_of[slug] == "calibration":
+                reason = {"method": None} | reason
+            found.setdefault(sensor, {})[result_of[slug]] = reason
+        inputs += [i for i in record.get("inputs", ()) if i not in inputs]
+        warnings += [w for w in record.get("warnings", ()) if w not in warnings]
+        listed.append(
+            {
+                "sensor": sensor,
+                "chapter": slug,
+                "title": record["title"],
+                "status": status,
+                "reason": record["reason"],
+                "page": None if status == "failed" else f"{sensor}/{slug}.html",
+                "notebook": f"{sensor}/{slug}.ipynb",
+            }
+        )
+    return {
+        "schema": 1,
+        "device": {key: device[key] for key in ("id", "name", "model", "serial")},
+        "software": software,
+        "created": created,
+        "inputs": inputs,
+        "sensors": found,
+        "checks": [
+            check
+            for sensor, limits in device["spec"].items()
+            for check in checks(sensor, limits, found.get(sensor, {}))
+        ],
+        "warnings": warnings,
+        "chapters": listed,
+        "problems": list(problems),
+    }
+
+
+def checks(sensor: str, limits: dict[str, dict], result: dict[str, Any]) -> list[dict[str, Any]]:
+    """Every limit of [spec.<sensor>] beside the result it is for, an axis a row, in SI units."""
+    rows = []
+    for quantity, limit in limits.items():
+        percent = quantity.endswith("_percent")
+        si_unit = "percent" if percent else units.si_unit(sensor, quantity)
+        factor = units.factor(limit.get("unit", si_unit), si_unit)
+        for bound in ("max", "min"):
+            if bound not in limit:
+                continue
+            si_limit = limit[bound] * factor
+            for axis in AXES:
+                value, low, high = _estimate(result, axis, quantity)
+                rows.append(
+                    {
+                        "sensor": sensor,
+                        "axis": axis,
+                        "quantity": quantity,
+                        "value": value,
+                        "low": low,
+                        "high": high,
+                        "bound": bound,
+                        "limit": si_limit,
+                        "unit": si_unit,
+                        "verdict": _verdict(low, high, bound, si_limit),
+                    }
+                )
+    return rows
+
+
+def overall(found_checks: list[dict[str, Any]]) -> str | None:
+    """The verdict on a device: `fail` before `undecided` before `pass`; None without limits."""
+    verdicts = {check["verdict"] for check in found_checks}
+    return next((v for v in ("fail", "undecided", "pass") if v in verdicts), None)
+
+
+def _estimate(
+    result: dict[str, Any], axis: str, quantity: str
+) -> tuple[float | None, float | None, float | None]:
+    """Value and 95 % interval of one quantity; None where unknown.
+
+    A term without visible effect lies between zero and its upper bound.
+    """
+    for part in ("noise", "thermal"):
+        entry = result.get(part, {}).get(axis, {})
+        found = entry.get(quantity)
+        if isinstance(found, dict):
+            return found["value"], found["low"], found["high"]
+        if isinstance(found, int | float):
+            return found, found, found
+        upper = entry.get("upper_bounds", {}).get(quantity)
+        if upper is not None:
+            return None, 0.0, upper
+    return None, None, None
+
+
+def _verdict(low: float | None, high: float | None, bound: str, limit: float) -> str:
+    """Decided only where the whole interval lies on one side of the limit."""
+    below = high is not None and high <= limit
+    above = low is not None and low >= limit
+    if bound == "max":
+        good, bad = below, above and low > limit
+    else:
+        good, bad = above, below and high < limit
+    return "pass" if good else "fail" if bad else "undecided"
