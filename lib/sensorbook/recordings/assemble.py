@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.even import MINIMUM_SAMPLES, advancing
+from sensorbook.recordings.checks import shown
+from sensorbook.recordings.clock import measured_rate
+from sensorbook.recordings.even import MINIMUM_SAMPLES
 from sensorbook.recordings.findings import examine
 from sensorbook.recordings.recording import Recording, Segment
-from sensorbook.recordings.schema import Declared, shown
+from sensorbook.recordings.schema import Declared
 from sensorbook.recordings.tables import Table
 from sensorbook.units import SENSOR_UNITS, factor, to_si
 
@@ -60,9 +63,10 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
     if problems:
         raise InputError(*problems)
 
-    values = np.stack(
-        [_in_si(column, k, sensor, declaration) for k, column in enumerate(raw)], axis=1
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is no number, either
+        values = np.stack(
+            [_in_si(column, k, sensor, declaration) for k, column in enumerate(raw)], axis=1
+        )
     values[~np.isfinite(values)] = np.nan
     time, start, rate = _time_base(clock, declaration.get("rate"), len(values))
     if clock is not None and rate is None:
@@ -72,8 +76,6 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
     if temperature is not None:
         temperature = to_si(temperature, declaration.get("temperature_unit", "degC"), "degC")
         temperature[~np.isfinite(temperature)] = np.nan
-        if np.isnan(temperature).all():
-            temperature = None
     segments = ()
     if "segment" in columns:
         segments = _runs_of_labels(table.column(columns["segment"]), time, rate)
@@ -93,9 +95,7 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
         start=start,
         segments=segments,
     )
-    findings = examine(recording, raw, [columns[axis] for axis in named])
-    object.__setattr__(recording, "findings", findings)
-    return recording
+    return replace(recording, findings=examine(recording, raw, [columns[a] for a in named]))
 
 
 def numbers(table: Table, reference: str | int) -> np.ndarray:
@@ -141,8 +141,8 @@ def stamps(table: Table, reference: str | int, unit: str) -> tuple[np.ndarray, f
         )
     if column.dtype.kind == "M":
         column, scale = column.astype(np.int64), 1e-9
-    if column.dtype.kind == "u":
-        column = column.astype(np.int64 if column.dtype.itemsize < 8 else np.float64)
+    if column.dtype.kind in "iu":  # a narrow integer would overflow in the difference
+        column = column.astype(np.float64 if column.dtype == np.uint64 else np.int64)
     first = column[np.argmin(missing)]
     # Subtracted before scaling: nanoseconds since 1970 do not fit a float64.
     seconds = (column - first) * scale
@@ -196,21 +196,7 @@ def _time_base(clock, declared_rate, count: int) -> tuple[np.ndarray, float, flo
         rate = None if declared_rate is None else float(declared_rate)
         return np.arange(count) / (rate or 1.0), 0.0, rate
     time, start = clock
-    return time, start, measured_rate(time)
-
-
-def measured_rate(time: np.ndarray) -> float | None:
-    """Sampling rate in Hz from stamps (N,) in s, whatever gaps and jitter they hold."""
-    steps = np.diff(time[advancing(time)])
-    if not len(steps):
-        return None
-    typical = float(np.median(steps))
-    regular = steps[np.abs(steps - typical) <= 0.6 * typical]
-    if len(regular) < 0.9 * len(steps):
-        # A coarse clock at a rate it cannot tell: its stamps alternate between two steps or more.
-        regular = steps[steps <= 3 * typical]
-    # Nine digits: what summation leaves beyond them is rounding.
-    return float(f"{1 / regular.mean():.9g}")
+    return time, start, measured_rate(time, declared_rate)
 
 
 def _runs_of_labels(labels: np.ndarray, time: np.ndarray, rate: float | None):

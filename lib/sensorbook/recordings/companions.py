@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.even import advancing
+from sensorbook.recordings.clock import advancing
 from sensorbook.recordings.findings import shocks, span
 from sensorbook.recordings.recording import Finding, Recording
 

@@ -7,6 +7,8 @@ import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.assemble import read_recording
 from sensorbook.recordings.companions import with_shared_shocks, with_temperature
@@ -104,6 +106,8 @@ class Device:
         self.spec: dict = table.get("spec", {})
         self.declared = tuple(declared)
         self.truth = truth
+        # As read from the files, and completed with what recordings take from one another.
+        self._files: dict[int, Recording | Images | InputError] = {}
         self._read: dict[int, Recording | Images | InputError] = {}
 
     # ---- what there is ----
@@ -128,14 +132,17 @@ class Device:
 
         Raises `InputError` with the problems of all of them when any is bad.
         """
-        mine = [d for d in self.declared if (d.sensor, d.kind) == (sensor, kind)]
-        read = [self._get(d) for d in mine]
+        runs = self._in_order(sensor, kind)
+        return tuple(
+            sorted(runs, key=lambda r: (r.duration if r.rate else 0, len(r)), reverse=True)
+        )
+
+    def _in_order(self, sensor: str, kind: str) -> list[Recording]:
+        read = [self._get(d) for d in self.declared if (d.sensor, d.kind) == (sensor, kind)]
         problems = [p for r in read if isinstance(r, InputError) for p in r.problems]
         if problems:
             raise InputError(*dict.fromkeys(problems))
-        return tuple(
-            sorted(read, key=lambda r: (r.duration if r.rate else 0, len(r)), reverse=True)
-        )
+        return read
 
     def check(self) -> tuple[list[Problem], list[Finding]]:
         """Every problem and finding of the recordings."""
@@ -145,7 +152,7 @@ class Device:
         return list(dict.fromkeys(problems)), list(dict.fromkeys(findings))
 
     def __getattr__(self, name: str) -> Sensor:
-        if name.startswith("_"):
+        if name.startswith("_") or "declared" not in self.__dict__:
             raise AttributeError(name)
         if name not in self.sensors:
             there = ", ".join(self.sensors) or "none"
@@ -170,10 +177,12 @@ class Device:
 
     def _get(self, declared: Declared) -> Recording | Images | InputError:
         if declared.number not in self._read:
-            self._read |= self._read_together(declared)
+            if declared.number not in self._files:
+                self._files |= self._read_file(declared)
+            self._read[declared.number] = _attempt(self._completed, declared)
         return self._read[declared.number]
 
-    def _read_together(self, declared: Declared) -> dict[int, Recording | Images | InputError]:
+    def _read_file(self, declared: Declared) -> dict[int, Recording | Images | InputError]:
         """Reads all recordings of one file at one go: it is opened and parsed once."""
         if declared.problems:
             return {declared.number: InputError(*declared.problems)}
@@ -188,8 +197,7 @@ class Device:
         table = _attempt(self._open_table, declared, wanted)
         if isinstance(table, InputError):
             return dict.fromkeys((d.number for d in together), table)
-        read = {d.number: _attempt(self._recording, d, table) for d in together}
-        return {d.number: _attempt(self._completed, d, read) for d in together}
+        return {d.number: _attempt(self._recording, d, table) for d in together}
 
     def _open_table(self, declared: Declared, wanted) -> Table:
         path = resolve(self.path, declared.file, f"{declared.label}: file")
@@ -203,26 +211,31 @@ class Device:
             labels = open_table(resolve(self.path, name, f"{declared.label}: segments"), name)
         return read_recording(declared, table, labels)
 
-    def _completed(self, declared: Declared, read: dict) -> Recording:
+    def _completed(self, declared: Declared) -> Recording | Images:
         """The recording with what it takes from others; raises where it was not readable."""
-        recording = read[declared.number]
+        recording = self._files[declared.number]
         if isinstance(recording, InputError):
             raise recording
         if declared.kind == "static":
-            beside = [r for n, r in read.items() if n != declared.number and _static(r)]
+            beside = [r for r in self._files.values() if _static(r) and r.file == recording.file]
             recording = with_shared_shocks(recording, beside)
-        if recording.temperature is None and declared.sensor in SENSOR_UNITS:
-            mine = [
-                d for d in self.declared if (d.sensor, d.kind) == (declared.sensor, declared.kind)
-            ]
-            sources = self.runs("temperature", declared.kind)
-            if sources:
-                recording = with_temperature(recording, sources, mine.index(declared), len(mine))
-            elif declared.kind == "thermal":
-                raise InputError(
-                    Problem(FILE, f"{declared.label}: columns.temperature", "is missing",
-                            "name the temperature's column, or add a recording of the temperature")
-                )  # fmt: skip
+        if declared.sensor not in SENSOR_UNITS:
+            return recording
+        if "temperature" not in declared.table["columns"]:
+            same = (declared.sensor, declared.kind)
+            mine = [d.number for d in self.declared if (d.sensor, d.kind) == same]
+            if sources := self._in_order("temperature", declared.kind):
+                run = mine.index(declared.number)
+                recording = with_temperature(recording, sources, run, len(mine))
+        temperature = recording.temperature
+        if declared.kind == "thermal" and (
+            temperature is None or not np.isfinite(temperature).any()
+        ):
+            what = "is missing" if temperature is None else "holds no temperature"
+            raise InputError(
+                Problem(FILE, f"{declared.label}: columns.temperature", what,
+                        "name the temperature's column, or add a recording of the temperature")
+            )  # fmt: skip
         return recording
 
 

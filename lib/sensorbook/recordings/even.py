@@ -7,20 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from sensorbook.errors import Refusal
+from sensorbook.recordings.clock import advancing, missing_samples
 from sensorbook.recordings.recording import Recording
 
 MINIMUM_SAMPLES = 100
 BRIDGED_INTERVALS = 5  # a gap is short up to so many intervals …
 BRIDGED_SECONDS = 0.1  # … or so many seconds, whichever is longer
 BRIDGED_SHARE = 0.01  # and all short gaps together may be so much of the record
-
-
-def advancing(time: np.ndarray) -> np.ndarray:
-    """(N,) true where a stamp lies beyond every earlier one; false for NaN."""
-    latest = np.fmax.accumulate(time)
-    advances = np.ones(len(time), dtype=bool)
-    advances[1:] = time[1:] > latest[:-1]
-    return advances & np.isfinite(time)
 
 
 def evenly_sampled(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
@@ -45,8 +38,7 @@ def evenly_sampled(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         return recording, ()
 
     kept = np.flatnonzero(rows)
-    # Steps in whole sampling intervals: jitter below half an interval rounds away.
-    steps = np.maximum(np.rint(np.diff(recording.time[kept]) * recording.rate).astype(np.int64), 1)
+    steps = 1 + missing_samples(recording.time[kept], recording.rate)  # in sampling intervals
     # A gap k intervals long misses k − 1 samples.
     longest_bridged = max(BRIDGED_INTERVALS, round(BRIDGED_SECONDS * recording.rate))
     first, last = _longest_stretch(steps <= longest_bridged)

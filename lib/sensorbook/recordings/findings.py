@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sensorbook.recordings.even import advancing
-from sensorbook.recordings.recording import GAP, Finding, Recording
+from sensorbook.recordings.clock import advancing, missing_samples
+from sensorbook.recordings.recording import Finding, Recording
 from sensorbook.units import SENSOR_UNITS
 
 SPIKE_SIGMAS = 10.0
@@ -29,7 +29,12 @@ def examine(
 ) -> tuple[Finding, ...]:
     """Everything odd about a recording; `raw` and `names` are its columns as in the file."""
     found: list[Finding] = []
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd values are reported, not warned of
+        _examine(recording, raw, names, found)
+    return tuple(found)
 
+
+def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
     def say(kind: str, message: str, where: str = recording.sensor):
         found.append(Finding(recording.file, where, kind, message))
 
@@ -54,7 +59,18 @@ def examine(
         if len(rows):
             say("spike", f"{_samples(len(rows))} beyond {SPIKE_SIGMAS:g} robust standard deviations, "
                          f"{span(recording.time[rows])}")  # fmt: skip
-    return tuple(found)
+    if recording.temperature is not None:
+        _temperature(recording.temperature, say)
+
+
+def _temperature(temperature: np.ndarray, say) -> None:
+    missing = int(np.count_nonzero(np.isnan(temperature)))
+    if missing:
+        say("temperature", f"{missing} of {len(temperature)} temperatures missing")
+    if missing < len(temperature):
+        typical = float(np.nanmedian(temperature))
+        if not -100 <= typical <= 200:
+            say("temperature", f"reads {typical:.4g} °C: check temperature_unit")
 
 
 def _clock(recording: Recording, say) -> None:
@@ -76,13 +92,12 @@ def _clock(recording: Recording, say) -> None:
         say("backward", f"the time goes back at {_places(len(backward))}, first at "
                         f"{time[backward[0]]:.6g} s by {-steps[backward[0]]:.3g} s")  # fmt: skip
     good = np.flatnonzero(advancing(time))
-    steps = np.diff(time[good])
-    gaps = np.flatnonzero(steps * recording.rate > GAP)
-    if len(gaps):
-        longest = gaps[np.argmax(steps[gaps])]
-        missing = int(np.rint(steps[gaps] * recording.rate - 1).sum())
-        say("gap", f"samples missing at {_places(len(gaps))}, about {missing} in all; the longest "
-                   f"gap is {steps[longest]:.3g} s at {time[good[longest]]:.6g} s")  # fmt: skip
+    missing = missing_samples(time[good], recording.rate)
+    if missing.any():
+        longest = int(np.argmax(missing))
+        length = time[good[longest + 1]] - time[good[longest]]
+        say("gap", f"samples missing at {_places(np.count_nonzero(missing))}, {missing.sum()} in all;"
+                   f" the longest gap is {length:.3g} s at {time[good[longest]]:.6g} s")  # fmt: skip
 
 
 def saturation(column: np.ndarray, kind: str) -> str:

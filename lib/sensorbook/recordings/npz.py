@@ -54,7 +54,9 @@ def open_npz(data: bytes, file: str, table: str | None, wanted: Sequence[str | i
             columns[index] = arrays[name] if k is None else arrays[name][:, k]
         return columns
 
-    names = tuple(name if k is None else f"{name}:{k}" for name, k in places)
+    names = tuple(
+        name if k is None or shapes[name][0][1] == 1 else f"{name}:{k}" for name, k in places
+    )
     return Table(file, names, read)
 
 

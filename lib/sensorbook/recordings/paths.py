@@ -12,7 +12,7 @@ from sensorbook.recordings.schema import FILE
 def resolve(folder: Path, name: str, where: str) -> Path:
     """The file `name` of a device folder; raises `InputError` unless it is a file within it.
 
-    `name` has passed `schema.check_file_name`; symbolic links are followed here.
+    `name` has passed `checks.file_name`; symbolic links are followed here.
     """
 
     def wrong(message: str, mend: str) -> InputError:
@@ -21,7 +21,7 @@ def resolve(folder: Path, name: str, where: str) -> Path:
     try:
         path = (folder / name).resolve(strict=True)
     except (OSError, RuntimeError, ValueError):
-        there = sorted(p.relative_to(folder).as_posix() for p in (folder / name).parent.glob("*"))
+        there = sorted(p.relative_to(folder).as_posix() for p in folder.glob("*"))
         close = get_close_matches(name, there, n=1)
         mend = f"did you mean {close[0]!r}?" if close else "copy it into the device folder"
         raise wrong("does not exist", mend) from None

@@ -10,6 +10,8 @@ from datetime import date, datetime, time
 
 import numpy as np
 
+from sensorbook.recordings.clock import advancing, missing_samples
+
 AXES = ("x", "y", "z")
 QUATERNION = ("x", "y", "z", "w")
 
@@ -129,7 +131,8 @@ class Recording:
         """Number of places where at least one sample is missing from the time base."""
         if self.rate is None:
             return 0
-        return int(np.count_nonzero(np.diff(self.time) * self.rate > GAP))
+        stamps = self.time[advancing(self.time)]
+        return int(np.count_nonzero(missing_samples(stamps, self.rate)))
 
     def between(self, start: float, end: float) -> Recording:
         """The samples with start ≤ time < end (s); `time` stays on the whole recording's clock."""
@@ -201,10 +204,6 @@ class Recording:
             *((f"found: {f.kind}", f.message) for f in self.findings),
         ]
         return html_table(rows)
-
-
-# A gap is an interval beyond 1.5 sampling intervals: jitter below half an interval is none.
-GAP = 1.5
 
 
 def html_table(rows, header=()) -> str:

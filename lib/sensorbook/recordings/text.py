@@ -17,6 +17,7 @@ from sensorbook.units import UnitError, factor
 
 DELIMITERS = (",", ";", "\t", "|", r"\s+")
 _HEAD_BYTES = 1 << 16
+_PREAMBLE = 20
 _COMMENT = ("#", "%")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -35,7 +36,12 @@ class Layout:
 
 
 def open_text(data: bytes, file: str, table: str | None, wanted: Sequence[str | int]) -> Table:
-    """Opens delimited text; `table` has no meaning here, `wanted` helps to find the header."""
+    """Opens delimited text; `wanted` helps to find the header."""
+    if table is not None:
+        mend = "leave `table` out, or name the file that holds it"
+        raise InputError(
+            Problem(file, f"table {table!r}", "is text and holds one table only", mend)
+        )
     data, encoding = _decoded(data, file)
     head = data[:_HEAD_BYTES].decode(encoding, errors="replace")
     lines = head.splitlines()
@@ -105,9 +111,9 @@ def find_layout(lines: Sequence[str], wanted: Sequence[str] = ()) -> Layout | No
 def _first_of_table(data: list[int], rows: list[list[str]], width: int) -> int:
     """First line of the table: the data line after which no header-like line of its width comes."""
     lines = set(data)
-    for k in reversed(range(data[-1])):
-        comment = not rows[k] or (len(rows[k]) == 1 and not rows[k][0])
-        if k not in lines and not comment and len(rows[k]) == width and _is_header(rows[k]):
+    # Numbers in a preamble look like data; more than a few such lines are data.
+    for k in reversed(range(min(data[-1], data[min(_PREAMBLE, len(data) - 1)]))):
+        if k not in lines and len(rows[k]) == width and _is_header(rows[k]):
             return next(line for line in data if line > k)
     return data[0]
 
@@ -185,6 +191,7 @@ def _parse(
             header=None,
             names=range(len(layout.names)),
             usecols=list(indices),
+            index_col=False,
             skiprows=layout.skip,
             decimal=layout.decimal,
             comment=comment,
