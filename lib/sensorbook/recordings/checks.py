@@ -71,7 +71,8 @@ def number(low: float = -math.inf, high: float = math.inf, example: str = "1.0",
         if not finite(value):
             return f"{shown(value)} is not a finite number", f"write a number such as {example}"
         if not low <= value <= high or (open_low and value == low):
-            limits = f"above {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
+            limits = f"above {low:g} and at most" if open_low else f"between {low:g} and"
+            limits = f"{limits} {high:g}"
             return f"{shown(value)} is out of range", f"write a number {limits}, such as {example}"
         return None
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+_COUNTED = 6  # intervals
+
 
 def advancing(time: np.ndarray) -> np.ndarray:
     """(N,) true where a stamp lies beyond every earlier one; false for NaN."""
@@ -18,17 +20,24 @@ def measured_rate(time: np.ndarray, declared: float | None = None) -> float | No
 
     `declared` (Hz) only decides where the stamps allow two readings.
     """
-    steps = np.diff(time[advancing(time)])
-    if not len(steps):
-        return None
-    typical = float(np.median(steps))
-    regular = steps[np.abs(steps - typical) <= 0.6 * typical]
-    confirmed = declared is not None and abs(typical * declared - 1) < 0.01
-    if len(regular) < 0.9 * len(steps) and not confirmed:
-        # A coarse clock at a rate it cannot tell: its stamps alternate between one step and two.
-        regular = steps[steps <= 3 * typical]
-    with np.errstate(over="ignore"):
+    stamps = time[advancing(time)]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        steps = np.diff(stamps)
+        if not len(steps):
+            return None
+        typical = float(np.median(steps))
+        regular = steps[np.abs(steps - typical) <= 0.6 * typical]
+        confirmed = declared is not None and abs(typical * declared - 1) < 0.01
+        if len(regular) < 0.9 * len(steps) and not confirmed:
+            # A coarse clock at a rate it cannot tell: its stamps alternate between one step and two.
+            regular = steps[steps <= 3 * typical]
         rate = 1 / regular.mean()
+        if not np.isfinite(rate):
+            return None
+        intervals = 1 + missing_samples(stamps, rate)
+        counted = intervals <= _COUNTED  # beyond, the count itself hangs on the rate
+        if counted.any():
+            rate = intervals[counted].sum() / steps[counted].sum()
     # Nine digits: what summation leaves beyond them is rounding.
     return float(f"{rate:.9g}") if np.isfinite(rate) else None
 
@@ -37,25 +46,30 @@ def missing_samples(time: np.ndarray, rate: float) -> np.ndarray:
     """(N − 1,) number of samples missing between neighbours of N advancing stamps (s) at `rate` (Hz).
 
     A sample late by less than an interval is jitter or a coarse clock, not a gap: what counts is how
-    far the stamps after an interval stay behind those before it, over up to five on either side.
+    far the stamps after an interval stay behind those before it, on the mean of up to ten.
     """
-    intervals = np.diff(time) * rate
-    missing = np.zeros(len(intervals), dtype=np.int64)
-    candidates = np.flatnonzero(intervals > 1.5)
-    if not len(candidates):
-        return missing
-    behind = (time - time[0]) * rate - np.arange(len(time))
-    before = np.concatenate(([-1], candidates[:-1]))  # windows end where another gap may be
-    after = np.concatenate((candidates[1:], [len(time) - 1]))
-    window = np.arange(5)
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd stamps
+        intervals = np.diff(time) * rate
+        missing = np.zeros(len(intervals), dtype=np.int64)
+        candidates = np.flatnonzero(intervals > 1.5)
+        if not len(candidates):
+            return missing
+        behind = (time - time[0]) * rate - np.arange(len(time))
+        # Windows end where another sample is missing for certain: jitter below half an interval
+        # stretches none to two.
+        certain = np.concatenate(([-1], np.flatnonzero(intervals > 1.95), [len(time) - 1]))
+        before = certain[np.searchsorted(certain, candidates) - 1]
+        after = certain[np.searchsorted(certain, candidates, side="right")]
+        window = np.arange(10)
 
-    def mean(rows, inside):
-        rows = np.where(inside, rows, 0)
-        return np.where(inside, behind[rows], 0.0).sum(axis=1) / inside.sum(axis=1)
+        def mean(rows, inside):
+            rows = np.where(inside, rows, 0)
+            return np.where(inside, behind[rows], 0.0).sum(axis=1) / inside.sum(axis=1)
 
-    earlier = candidates[:, None] - window
-    later = candidates[:, None] + 1 + window
-    jump = mean(later, later <= after[:, None]) - mean(earlier, earlier > before[:, None])
-    # 10⁹ stands for any longer gap: none so long is bridged.
-    missing[candidates] = np.rint(np.clip(jump, 0, 1e9)).astype(np.int64)
+        earlier = candidates[:, None] - window
+        later = candidates[:, None] + 1 + window
+        jump = mean(later, later <= after[:, None]) - mean(earlier, earlier > before[:, None])
+        # 10⁹ stands for any longer gap: none so long is bridged.
+        jump = np.clip(np.nan_to_num(jump, nan=np.inf), 0, 1e9)
+        missing[candidates] = np.rint(jump).astype(np.int64)
     return missing

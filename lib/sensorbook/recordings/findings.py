@@ -105,6 +105,7 @@ def saturation(column: np.ndarray, kind: str) -> str:
     finite = column[np.isfinite(column)]
     for name, extreme in (("lowest", finite.min()), ("highest", finite.max())):
         stuck = int(np.count_nonzero(finite == extreme))
+        extreme = extreme.item()  # the absolute value of −32768 does not fit 16 bits
         if stuck < max(3, SATURATED_SHARE * len(finite)):
             continue
         limit = float(extreme).is_integer() and int(extreme) in _FULL_SCALES and abs(extreme) > 2000

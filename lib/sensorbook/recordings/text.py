@@ -207,7 +207,22 @@ def _parse(
             Problem(file, _line(str(error)), f"is no regular table: {_tidy(str(error))}",
                     "write the same number of cells on every line")
         ) from None  # fmt: skip
+    _check_width(data, encoding, layout, len(frame), file)
     return {index: frame[index].to_numpy() for index in indices}
+
+
+def _check_width(data: bytes, encoding: str, layout: Layout, rows: int, file: str) -> None:
+    """Raises where a line holds more cells than the table: the parser drops what it has too many."""
+    delimiter, width = layout.delimiter, len(layout.names)
+    if len(delimiter) > 1 or data.count(delimiter.encode()) <= rows * (width - 1):
+        return
+    for number, line in enumerate(data.decode(encoding, "replace").splitlines(), start=1):
+        cells = len(_cells(line, delimiter)) if number > layout.skip else 0
+        if cells > width:
+            raise InputError(
+                Problem(file, f"line {number}", f"holds {cells} cells, the table has {width} columns",
+                        "mend or remove the line")
+            )  # fmt: skip
 
 
 def _line(message: str) -> str:
