@@ -2,8 +2,9 @@
 
 from sensorbook.noise.allan import AllanCurve, allan_deviation, cluster_sizes
 from sensorbook.noise.estimate import NoiseEstimate, fit_terms, read_off
-from sensorbook.noise.model import TERMS, NoiseTerms
+from sensorbook.noise.model import TERMS, NoiseTerms, variance_from_spectrum
 from sensorbook.noise.spectrum import LowPass, find_low_pass
+from sensorbook.noise.truth import against_truth
 
 __all__ = [
     "TERMS",
@@ -11,9 +12,11 @@ __all__ = [
     "LowPass",
     "NoiseEstimate",
     "NoiseTerms",
+    "against_truth",
     "allan_deviation",
     "cluster_sizes",
     "find_low_pass",
     "fit_terms",
     "read_off",
+    "variance_from_spectrum",
 ]

@@ -23,16 +23,17 @@ MISFIT_SIGMA, MISFIT_SIZE = (
 # Neighbouring cluster times are so alike that their correlation, a quadrature, is close to singular:
 # eigenvalues below this are raised to it. It costs efficiency, not validity: intervals are a sandwich.
 SMALLEST = 0.02
+FIT_REACH, READ_REACH = 2.0, 10.0  # shortest cluster time, in units of the low-pass's 1/f_c
 NAMES = tuple(TERMS)
 
 
-def usable(curve: AllanCurve, low_pass: LowPass | None) -> np.ndarray:
-    """(T,) mask of the cluster times above twice the inverse of the low-pass's cut-off.
+def usable(curve: AllanCurve, low_pass: LowPass | None, reach: float = FIT_REACH) -> np.ndarray:
+    """(T,) mask of the cluster times above `reach` times the inverse of the low-pass's cut-off.
 
-    There a low-pass of second order has forgotten the past to 1e-4 and acts on the curve through a
+    At twice a low-pass of second order has forgotten the past to 1e-4 and acts on the curve through a
     term in 1/τ² alone, which the fit holds.
     """
-    shortest = 0.0 if low_pass is None else 2.0 / low_pass.cutoff
+    shortest = 0.0 if low_pass is None else reach / low_pass.cutoff
     mask = curve.tau >= shortest
     # Fewer than eight points (two octaves) cannot tell five terms apart.
     return mask if mask.sum() >= 8 else np.ones_like(mask)
@@ -143,7 +144,7 @@ def _fit_axis(whole: AllanCurve, variance: np.ndarray, low_pass: LowPass | None)
         else:
             terms[name] = None
             bounds[name] = float(np.sqrt(_bound(fit, names, squares, name, inflation)))
-    edf, band = _confidence(whole, variance, squares)
+    edf, band = _confidence(whole, variance, squares, mask)
     used = (float(curve.tau[0]), float(curve.tau[-1]))
     return AxisNoise(terms, bounds, used, misfit, squares, edf, band)
 
@@ -239,13 +240,12 @@ def _misfit(fit: _Fit, names, squares) -> tuple[Misfit | None, float]:
     return found, float(max(1.0, np.mean(z**2)))
 
 
-def _confidence(curve: AllanCurve, variance, squares) -> tuple[np.ndarray, np.ndarray]:
+def _confidence(curve: AllanCurve, variance, squares, used) -> tuple[np.ndarray, np.ndarray]:
     """Equivalent degrees of freedom (T,) and 95 % limits (T, 2) of the whole curve."""
     covariance = variance_covariance(curve.clusters, curve.samples, curve.rate, squares)
     model = sum(v * TERMS[n].variance(curve.tau) for n, v in squares.items())
-    # Below the low-pass's reach the terms say nothing: the measured variance stands in.
-    near = np.abs(model / variance - 1) < 0.5
-    edf = 2 * np.where(near, model, variance) ** 2 / np.diag(covariance)
+    # Within the low-pass's reach the terms say nothing: the measured variance stands in.
+    edf = 2 * np.where(used & (model > 0), model, variance) ** 2 / np.diag(covariance)
     limits = [np.sqrt(variance * edf / stats.chi2.ppf(q, edf)) for q in (0.975, 0.025)]
     return edf, np.stack(limits, axis=1)
 
@@ -264,15 +264,17 @@ def local_slopes(curve: AllanCurve, reach: int = 2) -> np.ndarray:
 def read_off(curve: AllanCurve, low_passes: Sequence[LowPass | None] = ()) -> NoiseEstimate:
     """Noise terms as work A reads them off the curve: the baseline the fit is compared with.
 
-    A line of the term's slope is laid through the points whose local slope lies within 0.1 of it and
-    read at the term's cluster time (N at 1 s, K at 3 s); B is the minimum over 0.664. Where terms
+    A line of the term's slope is laid through the points whose local slope lies within 0.1 of it,
+    weighted by their degrees of freedom, and read at the term's cluster time (N at 1 s, K at 3 s); B
+    is the minimum over 0.664. Cluster times below ten times the inverse of the cut-off are masked
+    (A3). Where terms
     overlap, each reading holds a share of its neighbours. Intervals hold the statistical error alone.
     """
     low_passes = low_passes or (None,) * curve.deviation.shape[1]
     axes = []
     columns = zip(curve.deviation.T, local_slopes(curve).T, low_passes, strict=True)
     for y, slope, low_pass in columns:
-        mask = usable(curve, low_pass)
+        mask = usable(curve, low_pass, READ_REACH)
         terms = {}
         lowest = int(np.argmin(np.where(mask, y, np.inf)))
         for name, term in TERMS.items():
@@ -291,10 +293,12 @@ def read_off(curve: AllanCurve, low_passes: Sequence[LowPass | None] = ()) -> No
 
 
 def _read(curve: AllanCurve, y, level, points) -> Estimate:
+    tau = curve.tau[points]
+    weight = (1 / tau) / np.sum(1 / tau)  # degrees of freedom fall as 1/τ
     # The covariance needs a noise type: the curve's own value as white noise at each cluster time.
-    squares = {"random_walk": float(np.median(y[points] ** 2 * curve.tau[points]))}
+    squares = {"random_walk": float(np.median(y[points] ** 2 * tau))}
     c = variance_covariance(curve.clusters[points], curve.samples, curve.rate, squares)
-    s2 = squares["random_walk"] / curve.tau[points]
-    spread = np.sqrt(np.mean(c / np.outer(s2, s2)) / 4)
-    value = float(np.exp(np.mean(np.log(level[points]))))
+    s2 = squares["random_walk"] / tau
+    spread = np.sqrt(weight @ (c / np.outer(s2, s2)) @ weight / 4)
+    value = float(np.exp(weight @ np.log(level[points])))
     return Estimate(value, value * np.exp(-1.96 * spread), value * np.exp(1.96 * spread))

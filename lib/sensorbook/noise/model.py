@@ -61,6 +61,19 @@ class NoiseTerms:
         tau = np.asarray(tau, dtype=float)
         return sum(getattr(self, name) ** 2 * term.variance(tau) for name, term in TERMS.items())
 
+    def integral_growth(self, time: np.ndarray) -> dict[str, np.ndarray]:
+        """Standard deviation of the signal's integral after `time` (s) from a zero bias, by term.
+
+        White noise grows as N√t, the random walk as K√(t³/3) (both exact). Flicker noise has no such
+        law; 0.664 B t, a bias of the size of the flat, stands for it.
+        """
+        t = np.asarray(time, dtype=float)
+        return {
+            "random_walk": self.random_walk * np.sqrt(t),
+            "bias_instability": np.sqrt(FLAT) * self.bias_instability * t,
+            "rate_random_walk": self.rate_random_walk * np.sqrt(t**3 / 3),
+        }
+
     def spectrum(self, f: np.ndarray, sample_time: float) -> np.ndarray:
         """Two-sided power spectral density S(f) of the random terms; `f` in Hz, 0 < f < 1/2δt.
 

@@ -93,7 +93,7 @@ class NoiseEstimate:
         return pd.DataFrame(rows, columns=columns)
 
     def _repr_html_(self) -> str:
-        return self.table().to_html(index=False)
+        return self.table().to_html()
 
     def table(self) -> pd.DataFrame:
         """One row a term, one column an axis: value and 95 % interval in field units, as text."""
@@ -103,8 +103,7 @@ class NoiseEstimate:
             rows[f"{t.symbol}, {term.replace('_', ' ')} [{label}]"] = [
                 _cell(axis.terms[term], axis.upper_bounds.get(term), si) for axis in self.axes
             ]
-        frame = pd.DataFrame.from_dict(rows, orient="index", columns=list("xyz")[: len(self.axes)])
-        return frame.rename_axis("term").reset_index()
+        return pd.DataFrame.from_dict(rows, orient="index", columns=list("xyz")[: len(self.axes)])
 
 
 def _cell(estimate: Estimate | None, bound: float | None, si: float) -> str:

@@ -1,0 +1,53 @@
+"""Corrects recordings with what was found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import ndimage
+
+from sensorbook.recordings import Recording
+from sensorbook.thermal import ThermalModel
+
+SMOOTHING = (
+    30.0  # s; a die follows its housing no faster, and thermometer noise stays out of the signal
+)
+
+
+def remove_thermal(recording: Recording, thermal: dict | None) -> tuple[Recording, str]:
+    """The recording less B(T) − B(reference), and a sentence that says what was done.
+
+    Parameters
+    ----------
+    recording : with its temperature; one without is returned as it is
+    thermal : `thermal` of results.json for this sensor, by axis; None where there is no model
+    """
+    if not thermal or "reason" in thermal:
+        reason = f" ({thermal['reason']})" if thermal else ""
+        return (
+            recording,
+            f"No thermal model of this sensor is at hand{reason}: the record stays as it is.",
+        )
+    if recording.temperature is None:
+        return recording, "The record holds no temperature: it stays as it is, uncompensated."
+    width = max(1, round(SMOOTHING * (recording.rate or 1.0)))
+    smooth = ndimage.uniform_filter1d(recording.temperature, width, mode="nearest")
+    values = np.array(recording.values)
+    outside = np.zeros(len(values), dtype=bool)
+    for i, axis in enumerate("xyz"):
+        model = ThermalModel.from_results(thermal[axis])
+        values[:, i] -= model.change(smooth)
+        outside |= (smooth < model.range[0]) | (smooth > model.range[1])
+    low, high = model.range
+    text = (
+        f"The bias's change with temperature is subtracted, relative to {model.reference:g} °C "
+        f"(model of this device, {low:.1f} … {high:.1f} °C; record {smooth.min():.1f} … "
+        f"{smooth.max():.1f} °C)."
+    )
+    if outside.any():
+        text += (
+            f" For {100 * outside.mean():.0f} % of the record the temperature is outside the model's "
+            "range; the value at its edge is held there."
+        )
+    return replace(recording, values=values), text

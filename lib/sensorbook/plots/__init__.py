@@ -1,0 +1,1 @@
+"""Figures; each takes results and an optional Axes and returns Axes."""

@@ -1,0 +1,46 @@
+"""What all figures share: size, colours that colour-blind readers can tell apart, grids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
+
+# Okabe and Ito (2008): distinct for every common kind of colour vision, and in grey.
+COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
+GREY, ACCENT, SECOND, THIRD = "#5A5A5A", "#CC79A7", "#E69F00", "#56B4E9"
+LINES = {"x": "-", "y": "--", "z": "-."}
+WIDTH, HEIGHT = 7.2, 3.9  # inches; a page's text is as wide
+
+
+def new_axes(axes: Axes | None = None, height: float = HEIGHT) -> Axes:
+    """The given Axes, or those of a new figure."""
+    if axes is not None:
+        return axes
+    return plt.subplots(figsize=(WIDTH, height), layout="constrained")[1]
+
+
+def new_row(count: int, height: float = HEIGHT, width: float = WIDTH, **kwargs) -> Sequence[Axes]:
+    """Axes side by side in a new figure."""
+    kwargs = {"sharey": True} | kwargs
+    _, axes = plt.subplots(1, count, figsize=(width, height), layout="constrained", **kwargs)
+    return np.atleast_1d(axes)
+
+
+def log_log(axes: Axes) -> None:
+    """Logarithmic axes with every decade and its parts gridded."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(LogLocator(subs=np.arange(2, 10), numticks=60))
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(which="major", color="#B8B8B8", linewidth=0.7)
+    axes.grid(which="minor", color="#E6E6E6", linewidth=0.4)
+
+
+def grid(axes: Axes) -> None:
+    """A light grid on linear axes."""
+    axes.grid(color="#DDDDDD", linewidth=0.6)

@@ -1,0 +1,247 @@
+"""Choice and fit of a thermal model.
+
+Candidates are polynomials of degree 0 to 5 and pairs of polynomials (degree 0 to 3) joined by a jump.
+Thermal residuals are autocorrelated, so that ordinary cross-validation and AIC over-fit; each candidate
+is judged on whole stretches of time, or whole runs where there are several, that its fit has not seen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from sensorbook.thermal.model import Form, ThermalModel
+from sensorbook.thermal.result import Candidate, Interval, ThermalAxis, ThermalFit
+from sensorbook.thermal.sweep import Sweep
+
+DEGREES = range(6)
+JUMP_DEGREES = range(4)
+STRETCHES = 12  # of time a sweep is cut into for held-out errors and the jackknife
+PUBLISHED_DEGREES = (1, 3, 5)  # work A's
+EDGE = 0.1  # of the range at either end where a jump is not looked for
+
+
+def fit_thermal(sweep: Sweep, sensor: str = "") -> ThermalFit:
+    """Thermal calibration of each axis.
+
+    The simplest candidate is chosen whose held-out error exceeds the smallest by no more than its
+    standard error (paired over stretches). Standard errors come from a jackknife over stretches.
+
+    Parameters
+    ----------
+    sweep : block means of one or several runs; runs have offsets of their own
+    sensor : its name, for units
+    """
+    reference = float(np.round(np.mean(sweep.span)))  # where the model is best known
+    axes = tuple(_fit_axis(sweep, column, reference) for column in sweep.values.T)
+    return ThermalFit(sensor, sweep.files, axes)
+
+
+class _Problem:
+    """One axis of a sweep: weighted least squares with one offset a run."""
+
+    def __init__(self, sweep: Sweep, y: np.ndarray):
+        self.t, self.y, self.run, self.span = sweep.temperature, y, sweep.run, sweep.span
+        self.root = np.sqrt(sweep.weight)
+        self.offsets = (sweep.run[:, None] == np.arange(len(sweep.files))).astype(float)
+        self.stretch = _stretches(sweep)
+        self.fold = sweep.run if len(sweep.files) > 1 else self.stretch
+
+    def solve(self, form: Form, use=slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """Offsets (R,) and coefficients (P,)."""
+        a = np.hstack([self.offsets, form.columns(self.t, self.span)])[use]
+        x = np.linalg.lstsq(a * self.root[use, None], self.y[use] * self.root[use], rcond=1e-10)[0]
+        return x[: self.offsets.shape[1]], x[self.offsets.shape[1] :]
+
+    def cost(self, form: Form, use=slice(None)) -> float:
+        offsets, x = self.solve(form, use)
+        r = self.y - self.offsets @ offsets - form.columns(self.t, self.span) @ x
+        return float(np.sum((r * self.root)[use] ** 2))
+
+    def place_jump(self, degree: int, use=slice(None), near: Form | None = None) -> Form | None:
+        """The jump that fits best: a coarse search over place and width, then two finer ones.
+
+        With `near` only the finer ones, around its place.
+        """
+        low, high = self.span
+        span = high - low
+        t = self.t[use]
+        best, form = np.inf, near
+        step = (1 - 2 * EDGE) * span / 32
+        centres = np.linspace(low + EDGE * span, high - EDGE * span, 33)
+        widths = np.array([0.01, 0.03, 0.08]) * span
+        if near:
+            step /= 3
+            centres, widths = np.mean(near.jump) + step * np.arange(-2, 3), [np.ptp(near.jump)]
+        for _ in range(2 if near else 3):
+            for c in centres:
+                for w in widths:
+                    sides = (t < c - w / 2).sum(), (t > c + w / 2).sum()
+                    if min(sides) < 4 * (degree + 2):
+                        continue
+                    trial = Form(degree, (c - w / 2, c + w / 2))
+                    cost = self.cost(trial, use)
+                    if cost < best:
+                        best, form = cost, trial
+            if form is None:
+                return None
+            middle, width = np.mean(form.jump), np.ptp(form.jump)
+            step /= 3
+            centres, widths = middle + step * np.arange(-2, 3), width * np.array([0.6, 1, 1.6])
+            widths = widths[widths >= 0.004 * span]
+        return form
+
+    def held_out(self, make) -> np.ndarray:
+        """(S,) mean squared error in each stretch of time, by fits without its fold.
+
+        Held-out data outside the temperatures of the fit do not count: there a model is not used.
+        """
+        squared = np.full(len(self.y), np.nan)
+        for fold in np.unique(self.fold):
+            out = self.fold == fold
+            form = make(~out)
+            if form is None:
+                return np.full(self.stretch.max() + 1, np.inf)
+            offsets, x = self.solve(form, ~out)
+            r = self.y - self.offsets @ offsets - form.columns(self.t, self.span) @ x
+            if len(np.unique(self.run)) > 1:
+                # A run has its own offset; the one left out gets its own, by its mean.
+                r -= np.average(r[out], weights=self.root[out] ** 2)
+            fitted = self.t[~out]
+            known = out & (self.t >= fitted.min()) & (self.t <= fitted.max())
+            squared[known] = r[known] ** 2 * self.root[known] ** 2
+        return np.array(
+            [
+                np.nanmean(squared[s]) if np.isfinite(squared[s]).any() else np.nan
+                for s in (self.stretch == k for k in range(self.stretch.max() + 1))
+            ]
+        )
+
+
+def _stretches(sweep: Sweep) -> np.ndarray:
+    """(M,) index of the stretch of time each block belongs to, none across two runs."""
+    runs = len(sweep.files)
+    each = max(3, STRETCHES // runs)
+    result = np.zeros(len(sweep.time), dtype=int)
+    for r in range(runs):
+        at = np.flatnonzero(sweep.run == r)
+        result[at] = r * each + np.arange(len(at)) * each // max(len(at), 1)
+    return result
+
+
+def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
+    problem = _Problem(sweep, y)
+    makers = {f"degree {d}": (lambda use, d=d: Form(d)) for d in DEGREES}
+    makers |= {
+        f"degree {d}, jump": (lambda use, d=d: problem.place_jump(d, use)) for d in JUMP_DEGREES
+    }
+    forms = {name: make(slice(None)) for name, make in makers.items()}
+    errors = {name: problem.held_out(makers[name]) for name, form in forms.items() if form}
+    chosen = _choose(errors, forms)
+    form = forms[chosen]
+    offsets, x = problem.solve(form)
+    model = form.model(offsets[0], x, sweep.span, reference)
+    residual = _residual(problem, form)
+    refits = _jackknife(problem, form, sweep.span, reference)
+    t = float(stats.t.ppf(0.975, len(refits) - 1))
+    grid = np.linspace(*sweep.span, 51)
+    low, high = sweep.span
+
+    def interval(quantity) -> Interval:
+        value = float(quantity(model))
+        half = t * float(_spread([quantity(m) for m in refits]))
+        return Interval(value, value - half, value + half)
+
+    jump = form.jump and interval(ThermalModel.jump)
+    return ThermalAxis(
+        model=model,
+        offsets=tuple(
+            float(o + model.bias(np.array([reference]))[0] - offsets[0]) for o in offsets
+        ),
+        std=tuple(
+            tuple(float(s) for s in np.atleast_1d(_spread([m.segments[i][2] for m in refits])))
+            for i in range(len(model.segments))
+        ),
+        rms_before=_rms(problem, _residual(problem, Form(0))),
+        rms_after=_rms(problem, residual),
+        rms_check=float(np.sqrt(np.nanmean(errors[chosen]))),
+        change=interval(lambda m: np.subtract(*m.bias(np.array([high, low])))),
+        jump=jump,
+        jump_range=form.jump and tuple(float(j) for j in form.jump),
+        candidates=tuple(
+            Candidate(
+                n,
+                forms[n].size,
+                _rms(problem, _residual(problem, forms[n])),
+                float(np.sqrt(np.nanmean(e))),
+            )
+            for n, e in errors.items()
+            if np.isfinite(np.nanmean(e))
+        ),
+        polynomials={d: _model(problem, Form(d), sweep.span, reference) for d in PUBLISHED_DEGREES},
+        coefficients_per_run=tuple(
+            float(np.polyfit(problem.t[at], y[at], 1, w=problem.root[at])[0])
+            for at in (sweep.run == r for r in range(len(sweep.files)))
+        ),
+        hysteresis=_hysteresis(sweep, residual),
+        residual=residual,
+        half_width=t * _spread([m.change(grid) for m in refits]),
+    )
+
+
+def _choose(errors: dict[str, np.ndarray], forms: dict[str, Form]) -> str:
+    """Simplest candidate within one standard error (paired over stretches) of the best."""
+    names = sorted(errors, key=lambda n: forms[n].size)
+    best = min(names, key=lambda n: np.nanmean(errors[n]))
+    for name in names:
+        excess = errors[name] - errors[best]
+        excess = excess[np.isfinite(excess)]
+        if len(excess) and excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)):
+            return name
+    return best
+
+
+def _model(problem: _Problem, form: Form, span, reference, use=slice(None)) -> ThermalModel:
+    offsets, x = problem.solve(form, use)
+    return form.model(offsets[0], x, span, reference)
+
+
+def _residual(problem: _Problem, form: Form) -> np.ndarray:
+    offsets, x = problem.solve(form)
+    return problem.y - problem.offsets @ offsets - form.columns(problem.t, problem.span) @ x
+
+
+def _rms(problem: _Problem, residual: np.ndarray) -> float:
+    return float(np.sqrt(np.average(residual**2, weights=problem.root**2)))
+
+
+def _jackknife(problem: _Problem, form: Form, span, reference) -> list[ThermalModel]:
+    """Refits with one stretch of time left out each; a jump is placed anew."""
+    result = []
+    for s in np.unique(problem.stretch):
+        use = problem.stretch != s
+        again = problem.place_jump(form.degree, use, near=form) if form.jump else form
+        result.append(_model(problem, again, span, reference, use))
+    return result
+
+
+def _spread(refits) -> np.ndarray:
+    """Jackknife standard error, ``√((K−1)/K Σ(θ_k − θ̄)²)``."""
+    x = np.asarray(refits, dtype=float)
+    return np.sqrt((len(x) - 1) * np.var(x, axis=0))
+
+
+def _hysteresis(sweep: Sweep, residual: np.ndarray) -> tuple[float, float, float] | None:
+    """Largest heating − cooling difference of the residuals over ten bins of temperature."""
+    low, high = sweep.span
+    bins = ((sweep.temperature - low) / (high - low) * 10).astype(int).clip(0, 9)
+    found = []
+    for b in range(10):
+        up, down = (residual[(bins == b) & (sweep.direction == s)] for s in (1, -1))
+        if min(len(up), len(down)) >= 4:
+            # Neighbouring blocks are alike: a quarter of them count as independent.
+            error = np.sqrt(4 * (up.var() / len(up) + down.var() / len(down)))
+            centre = low + (b + 0.5) * (high - low) / 10
+            found.append((float(up.mean() - down.mean()), float(centre), float(error)))
+    # One shared bin would be a comparison of two moments, not of two directions.
+    return max(found, key=lambda d: abs(d[0])) if len(found) >= 3 else None
