@@ -7,6 +7,7 @@ import contextlib
 import logging
 import os
 import signal
+import subprocess
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
@@ -170,6 +171,8 @@ class _Kernel(AsyncKernelManager):
 
     async def start_kernel(self, **arguments: Any) -> None:
         arguments["env"] = {**os.environ, **KERNEL_ENVIRONMENT}
+        # Not what cells print, which goes into the notebook: the kernel's own log.
+        arguments["stderr"] = subprocess.DEVNULL
         await super().start_kernel(**arguments)
         _Kernel.running.add(self)
         if _Kernel.stopped:

@@ -129,32 +129,34 @@ def _unreadable_row(folder: str) -> dict[str, Any]:
     }
 
 
-def _banner(found: dict[str, Any]) -> dict[str, str]:
-    """The verdict in words."""
+def _banner(found: dict[str, Any]) -> dict[str, Any]:
+    """The verdict in words, with the checks that kept it from being a pass."""
     checks = found["checks"]
-    count = {v: sum(c["verdict"] == v for c in checks) for v in ("pass", "fail", "undecided")}
-    total = f"of {len(checks)} checks"
     verdict = overall(checks)
-    if verdict is None:
-        return {
-            "kind": "",
-            "words": "No limits given.",
-            "detail": "Add a [spec] table to device.toml to have the device judged against it.",
-        }
-    parts = []
-    if count["fail"]:
-        parts.append(f"{count['fail']} {total} failed")
-    if count["undecided"]:
-        parts.append(f"{count['undecided']} {total} undecided")
+    count = {kind: sum(c["verdict"] == kind for c in checks) for kind in ("fail", "undecided")}
+    lines = []
+    for kind, word in (("fail", "Failed"), ("undecided", "Undecided")):
+        axes: dict[str, list[str]] = {}
+        for c in checks:
+            if c["verdict"] == kind:
+                name = _name(c["sensor"], c["quantity"])
+                what = f"{c['sensor']} {name[0].lower()}{name[1:]}"
+                axes.setdefault(what, []).append(c["axis"])
+        if axes:
+            listed = "; ".join(f"{what} ({', '.join(of)})" for what, of in axes.items())
+            lines.append(f"{word}: {listed}.")
     words = {
-        "pass": f"Within every limit: all {len(checks)} checks passed.",
-        "fail": "Outside its limits: " + ", ".join(parts) + ".",
-        "undecided": "Cannot be decided: " + ", ".join(parts) + ".",
+        None: "No limits given: a [spec] table in device.toml has the device judged against it.",
+        "pass": f"✓ Within its limits: all {len(checks)} checks passed.",
+        "fail": f"✗ Outside its limits: {count['fail']} of {len(checks)} checks failed.",
+        "undecided": f"? Not decided: {count['undecided']} of {len(checks)} checks"
+        " cannot be decided.",
     }[verdict]
-    detail = (
-        "A check passes or fails only where the whole 95 % interval lies on one side of the limit."
-    )
-    return {"kind": verdict, "words": f"{SYMBOLS[verdict]} {words}", "detail": detail}
+    if count["undecided"]:
+        lines.append(
+            "A check is undecided where the 95 % interval straddles the limit, or without a result."
+        )
+    return {"kind": verdict or "", "words": words, "lines": lines}
 
 
 def _noise_rows(

@@ -160,11 +160,22 @@ def mathml(latex: str, display: str) -> str:
         return f"<code>{html.escape(latex)}</code>"
     for element in tree.iter():
         # The converter keeps character references as text, and its own output does not escape.
-        element.text = html.unescape(element.text) if element.text else element.text
-        element.tail = html.unescape(element.tail) if element.tail else element.tail
+        if element.tag == "mi" and re.fullmatch("&#x000[4-7].;", element.text or ""):
+            element.set("mathvariant", "normal")  # an upright letter: a single one is set italic
+        element.text = html.unescape(element.text or "")
+        element.tail = html.unescape(element.tail or "")
         for name in set(element.attrib) - MATH_ATTRIBUTES:
             del element.attrib[name]
+        _space_functions(element)
     return ElementTree.tostring(tree, encoding="unicode", short_empty_elements=False)
+
+
+def _space_functions(element: ElementTree.Element) -> None:
+    """`ln 2` is set as `ln2` without a space of our own, which TeX puts after an operator's name."""
+    following = list(element)[1:]
+    for at, (child, after) in reversed(list(enumerate(zip(element, following, strict=False), 1))):
+        if child.tag == "mi" and len(child.text or "") > 1 and after.tag != "mo":
+            element.insert(at, ElementTree.Element("mspace", width="0.167em"))
 
 
 def inert_html(text: str) -> Markup:
