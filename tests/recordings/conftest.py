@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from sensorbook import Recording
+
 RATE = 100.0
 STATIC = """
 [[recording]]
@@ -40,3 +42,10 @@ def folder(tmp_path, samples):
         return path
 
     return write
+
+
+def recording(time, values=None, rate=100.0, **more):
+    """A static recording; by default each axis reads the time."""
+    time = np.asarray(time, dtype=float)
+    values = np.column_stack([time] * 3) if values is None else values
+    return Recording("gyroscope", "static", "a.csv", time, values, rate=rate, unit="rad/s", **more)

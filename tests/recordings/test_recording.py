@@ -1,17 +1,16 @@
-"""Recordings: what is found odd, the even time base, and what a recording tells of itself."""
+"""Recordings: what is found odd, the and what a recording tells of itself."""
 
 import json
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import sensorbook
 from sensorbook import InputError, Recording, Refusal
 from sensorbook.recordings import check
-from sensorbook.recordings.clock import measured_rate, missing_samples
 from sensorbook.recordings.findings import saturation
+
+from .conftest import recording
 
 TIMED = """
 [[recording]]
@@ -52,43 +51,6 @@ def findings(path) -> list[str]:
     problems, found = check(path)
     assert problems == []
     return [f"{f.kind}: {f.message}" for f in found]
-
-
-def recording(time, values=None, rate=100.0, **more):
-    time = np.asarray(time, dtype=float)
-    values = np.column_stack([time] * 3) if values is None else values
-    return Recording("gyroscope", "static", "a.csv", time, values, rate=rate, unit="rad/s", **more)
-
-
-# ---- the clock ----
-
-
-@given(
-    rate=st.sampled_from([1.0, 28.5714, 100.0, 102.4, 1000.0]),
-    jitter=st.floats(min_value=0, max_value=0.4),
-    start=st.sampled_from([0.0, 12.5, 1.7e9]),
-)
-def test_the_rate_is_found_whatever_the_jitter(rate, jitter, start):
-    rng = np.random.default_rng(1)
-    time = start + (np.arange(2000) + jitter * rng.uniform(-1, 1, 2000)) / rate
-    # Stamps far from zero are rounded to 2.4e-7 s.
-    assert measured_rate(time) == pytest.approx(rate, rel=1e-3 + 1e-6 * rate)
-    assert not missing_samples(np.sort(time), rate).any()
-
-
-@pytest.mark.parametrize("rate", [400.0, 600.0, 700.0, 900.0])
-def test_a_clock_of_whole_milliseconds_is_no_gap(rate):
-    time = np.floor(np.arange(5000) / rate * 1e3) * 1e-3
-    found = measured_rate(time)
-    assert found == pytest.approx(rate, rel=1e-3)
-    assert missing_samples(time, found).sum() == 0
-
-
-@given(st.sets(st.integers(min_value=5, max_value=980), max_size=30))
-def test_every_missing_sample_is_counted(lost):
-    time = np.delete(np.arange(1000), sorted(lost)) / 100
-    assert measured_rate(time) == 100.0
-    assert missing_samples(time, 100.0).sum() == len(lost)
 
 
 # ---- findings ----
@@ -168,6 +130,7 @@ PROBLEMS = [
     ({"x": np.full(500, np.nan)}, "log.csv: column 'x': holds no number at all"),
     ({"t": np.zeros(500)}, "log.csv: column 't': the time does not advance — name the column that"),
     ({"t": np.full(500, np.nan)}, "log.csv: column 't': holds no time at all"),
+    ({"t": np.linspace(-1, 1, 500) * 1e308}, "log.csv: column 't': spans more than 30 000 years"),
 ]
 
 
@@ -183,6 +146,17 @@ def test_ten_samples_are_too_few_and_every_column_says_so(write, rng):
     path = write(t=np.arange(10) / 50, **axes(rng, 10))
     assert [str(p) for p in check(path)[0]] == [
         f"log.csv: column '{axis}': holds 10 samples — record at least 100" for axis in "xyz"
+    ]
+
+
+def test_columns_of_different_length(folder, rng):
+    path = folder(TIMED.replace("SENSOR", "gyroscope").replace("KIND", "static")
+                  .replace("UNIT", "deg/s").replace("EXTRA", ', segment = "s"'))  # fmt: skip
+    columns = {"t": np.arange(500) / 50, **axes(rng, 500), "s": np.ones(501)}
+    with open(path / "log.csv", "wb") as file:  # readers go by content
+        np.savez(file, **columns)
+    assert [str(p) for p in check(path)[0]] == [
+        "log.csv: its columns differ in length (500, 501) — save columns of one length"
     ]
 
 
@@ -255,70 +229,6 @@ def test_a_rotation_needs_no_rate(write, rng):
     assert run.provenance()["rate_hz"] is run.provenance()["duration_s"] is None
     with pytest.raises(Refusal, match="has no time base: neither a rate nor a time column"):
         run.evenly_sampled()
-
-
-# ---- the even time base ----
-
-
-def test_an_even_recording_is_returned_as_it_is():
-    run = recording(np.arange(200) / 100)
-    assert run.evenly_sampled() == (run, ())
-
-
-def test_short_gaps_and_missing_values_are_bridged():
-    time = np.delete(np.arange(1000) / 100, [300, 301])
-    values = np.column_stack([time, 2 * time, 3 * time])
-    values[500, 1] = np.nan
-    run, done = recording(time, values, temperature=5 * time).evenly_sampled()
-    np.testing.assert_allclose(run.time, np.arange(1000) / 100, atol=1e-12)
-    np.testing.assert_allclose(run.values, run.time[:, None] * [1, 2, 3], atol=1e-12)
-    np.testing.assert_allclose(run.temperature, 5 * run.time, atol=1e-12)
-    assert done == (
-        "3 missing samples in 2 short gaps (1 row without a value among them) bridged linearly.",
-    )
-
-
-def test_stamps_that_do_not_advance_are_set_aside():
-    time = np.sort(np.concatenate((np.arange(500) / 100, [1.0, 2.0])))
-    run, done = recording(time).evenly_sampled()
-    np.testing.assert_allclose(run.time, np.arange(500) / 100, atol=1e-12)
-    assert done == ("2 rows whose time stamp does not advance set aside.",)
-
-
-def test_the_longest_stretch_is_used_beside_a_long_gap():
-    time = np.delete(np.arange(1000) / 100, np.s_[300:350])
-    run, done = recording(time).evenly_sampled()
-    assert (len(run), run.time[0]) == (650, pytest.approx(3.5))
-    assert done == (
-        "The longest stretch without a gap is used: 3.5 s to 9.99 s, 650 of 950 samples.",
-    )
-
-
-def test_many_short_gaps_are_not_bridged():
-    time = np.delete(np.arange(1000) / 100, np.r_[10:90:2])
-    run, _ = recording(time).evenly_sampled()
-    assert len(run) == 911  # from the last gap on
-
-
-@pytest.mark.parametrize(
-    ("time", "used"),
-    [(np.arange(50) / 100, 50), (np.delete(np.arange(1000) / 100, np.r_[0:1000:40]), 39)],
-)
-def test_too_little_is_refused(time, used):
-    with pytest.raises(Refusal, match=f"only {used} of {len(time)} samples of the gyroscope"):
-        recording(time).evenly_sampled()
-
-
-@given(st.lists(st.floats(allow_nan=True), min_size=100, max_size=150), st.integers(0, 9))
-def test_any_stamps_give_an_even_recording_or_a_refusal(stamps, seed):
-    time = np.array(stamps)
-    rate = measured_rate(time)
-    try:
-        run, done = recording(time, rate=rate).evenly_sampled()
-    except Refusal:
-        return
-    assert len(done) or len(run) == len(time)
-    assert len(run) >= 100
 
 
 # ---- what a recording tells ----

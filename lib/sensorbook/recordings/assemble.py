@@ -56,8 +56,10 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
         if fault := _column_fault(column, sensor):
             where = f"column {columns[axis]!r}"
             problems.append(Problem(table.file, where, *fault))
-    if len({len(c) for c in (*raw, temperature, clock and clock[0]) if c is not None}) > 1:
-        lengths = ", ".join(str(len(column)) for column in raw)
+    labels_column = table.column(columns["segment"]) if "segment" in columns else None
+    together = [*raw, temperature, clock and clock[0], labels_column]
+    if len(lengths := {len(column) for column in together if column is not None}) > 1:
+        lengths = ", ".join(map(str, sorted(lengths)))
         problems.append(Problem(table.file, "", f"its columns differ in length ({lengths})",
                                 "save columns of one length"))  # fmt: skip
     if problems:
@@ -77,8 +79,8 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
         temperature = to_si(temperature, declaration.get("temperature_unit", "degC"), "degC")
         temperature[~np.isfinite(temperature)] = np.nan
     segments = ()
-    if "segment" in columns:
-        segments = _runs_of_labels(table.column(columns["segment"]), time, rate)
+    if labels_column is not None:
+        segments = _runs_of_labels(labels_column, time, rate)
     elif labels is not None:
         segments = _labelled(labels, declaration.get("time_unit", "s"), start)
     recording = Recording(
@@ -95,7 +97,10 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
         start=start,
         segments=segments,
     )
-    return replace(recording, findings=examine(recording, raw, [columns[a] for a in named]))
+    findings = examine(recording, raw, [columns[axis] for axis in named])
+    if temperature is not None and declared.kind != "thermal" and np.isnan(temperature).all():
+        temperature = None  # said among the findings; a thermal recording is refused for it
+    return replace(recording, findings=findings, temperature=temperature)
 
 
 def numbers(table: Table, reference: str | int) -> np.ndarray:
@@ -141,12 +146,19 @@ def stamps(table: Table, reference: str | int, unit: str) -> tuple[np.ndarray, f
         )
     if column.dtype.kind == "M":
         column, scale = column.astype(np.int64), 1e-9
-    if column.dtype.kind in "iu":  # a narrow integer would overflow in the difference
-        column = column.astype(np.float64 if column.dtype == np.uint64 else np.int64)
+    # A narrow type would overflow in the difference.
+    whole = column.dtype.kind in "iu" and column.dtype != np.uint64
+    column = column.astype(np.int64 if whole else np.float64)
     first = column[np.argmin(missing)]
     # Subtracted before scaling: nanoseconds since 1970 do not fit a float64.
-    seconds = (column - first) * scale
+    with np.errstate(over="ignore", invalid="ignore"):
+        seconds = (column - first) * scale
     seconds[missing] = np.nan
+    if np.nanmax(np.abs(seconds)) > 1e12:
+        raise InputError(
+            Problem(table.file, f"column {reference!r}", "spans more than 30 000 years",
+                    "name the column that holds the time, and check time_unit")
+        )  # fmt: skip
     return seconds, float(first) * scale
 
 

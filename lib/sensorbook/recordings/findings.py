@@ -65,7 +65,9 @@ def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
 
 def _temperature(temperature: np.ndarray, say) -> None:
     missing = int(np.count_nonzero(np.isnan(temperature)))
-    if missing:
+    if missing == len(temperature):
+        say("temperature", "its temperature column holds no number: used without temperature")
+    elif missing:
         say("temperature", f"{missing} of {len(temperature)} temperatures missing")
     if missing < len(temperature):
         typical = float(np.nanmedian(temperature))

@@ -214,7 +214,10 @@ def _parse(
 def _check_width(data: bytes, encoding: str, layout: Layout, rows: int, file: str) -> None:
     """Raises where a line holds more cells than the table: the parser drops what it has too many."""
     delimiter, width = layout.delimiter, len(layout.names)
-    if len(delimiter) > 1 or data.count(delimiter.encode()) <= rows * (width - 1):
+    body = 0
+    for _ in range(layout.skip):
+        body = data.find(b"\n", body) + 1
+    if len(delimiter) > 1 or data.count(delimiter.encode(), body) <= rows * (width - 1):
         return
     for number, line in enumerate(data.decode(encoding, "replace").splitlines(), start=1):
         cells = len(_cells(line, delimiter)) if number > layout.skip else 0
