@@ -22,11 +22,19 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Where a curve departs from its terms: the range of τ (s), the worst τ and σ/model − 1 there."""
+    """Where a curve departs from its terms.
+
+    Attributes
+    ----------
+    tau_range : cluster times that depart, s
+    tau, size : the worst of them, s, and σ/model − 1 there
+    rms : of σ/model − 1 over all cluster times of the fit
+    """
 
     tau_range: tuple[float, float]
     tau: float
     size: float
+    rms: float
 
 
 @dataclass(frozen=True, eq=False)
