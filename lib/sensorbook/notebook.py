@@ -167,19 +167,22 @@ class _Inert(string.Formatter):
 
 def _show_figure(figure: Any, caption: str, alt: str, thumbnail: bool) -> None:
     import matplotlib.pyplot as plt
+    from PIL import Image
 
     if not alt:
         raise ValueError("a figure needs a caption or an alternative text")
     buffer = io.BytesIO()
-    # The version in the file's metadata would make equal figures differ.
-    figure.savefig(buffer, format="png", dpi=DPI, bbox_inches="tight", metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=DPI, bbox_inches="tight")
     plt.close(figure)  # or the inline backend shows it a second time
-    png = buffer.getvalue()
-    width, height = (round(int.from_bytes(png[at : at + 4], "big") * 96 / DPI) for at in (16, 20))
+    image = Image.open(buffer).convert("RGB")
+    width, height = (round(pixels * 96 / DPI) for pixels in image.size)
+    # 256 colours make a third of the size and no difference that shows.
+    buffer = io.BytesIO()
+    image.quantize(256, Image.Quantize.FASTOCTREE).save(buffer, format="png", optimize=True)
     about = {"alt": alt, "caption": caption, "width": width, "height": height}
     if thumbnail:
         about["thumbnail"] = True
-    coded = base64.b64encode(png).decode("ascii")
+    coded = base64.b64encode(buffer.getvalue()).decode("ascii")
     _publish({"image/png": coded, "text/plain": alt}, metadata={"image/png": about})
     if caption:
         # Jupyter shows no caption of its own; a report has it below the figure and skips this.

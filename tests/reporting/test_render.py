@@ -98,6 +98,7 @@ def test_mathematics_cannot_carry_markup(latex):
 def test_functions_are_set_apart_from_their_argument():
     assert "<mi>ln</mi><mspace" in mathml(r"2 \ln 2", "inline")
     assert "mspace" not in mathml(r"\sin(x)", "inline")
+    assert "mspace" not in mathml(r"\sigma^2 = \ln^2(x)", "inline")
 
 
 def test_mathematics_that_cannot_be_converted_is_shown_as_written():

@@ -152,8 +152,13 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
+def allow_kernels() -> None:
+    """Takes back an earlier `stop_kernels`."""
+    _Kernel.stopped = False
+
+
 def stop_kernels() -> None:
-    """Ends every running kernel at once and lets none start again."""
+    """Ends every running kernel at once and lets none start."""
     _Kernel.stopped = True
     for kernel in list(_Kernel.running):
         kernel.end()

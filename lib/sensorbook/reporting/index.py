@@ -286,7 +286,8 @@ def _thumbnail(notebook: Path) -> str | None:
                 image = Image.open(io.BytesIO(base64.b64decode("".join(png)))).convert("RGB")
                 image.thumbnail((THUMBNAIL_WIDTH, THUMBNAIL_WIDTH), Image.Resampling.LANCZOS)
                 buffer = io.BytesIO()
-                image.quantize(64).save(buffer, format="png", optimize=True)
+                image = image.quantize(128, Image.Quantize.FASTOCTREE)
+                image.save(buffer, format="png", optimize=True)
                 return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
     return None
 

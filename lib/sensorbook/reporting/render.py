@@ -166,7 +166,9 @@ def mathml(latex: str, display: str) -> str:
         element.tail = html.unescape(element.tail or "")
         for name in set(element.attrib) - MATH_ATTRIBUTES:
             del element.attrib[name]
-        _space_functions(element)
+    for element in tree.iter():
+        if element.tag in ("math", "mrow", "mtd", "mstyle"):
+            _space_functions(element)
     return ElementTree.tostring(tree, encoding="unicode", short_empty_elements=False)
 
 

@@ -134,6 +134,7 @@ def _run(
             fed = [c for c in chapters.CHAPTERS if device.feeds(c, sensor)]
             if wanted := [c for c in fed if not only or c.slug in only]:
                 planned.append((device, sensor, wanted))
+    execute.allow_kernels()
     said.total = sum(len(wanted) for _, _, wanted in planned)
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         try:
