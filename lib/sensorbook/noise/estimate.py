@@ -85,11 +85,12 @@ class _Fit:
             spread = np.append(spread, self.floor * low_pass.std)
         self.whiten = np.diag(1 / spread)
 
-    def covariance(self, squares: dict[str, float]) -> np.ndarray:
+    def covariance(self, squares: dict[str, float], model_error: bool = True) -> np.ndarray:
         c = self.curve
         result = variance_covariance(c.clusters, c.samples, c.rate, squares)
-        missed = 2 * self.model_error * self.observed[: len(result)]
-        result[np.diag_indices_from(result)] += missed**2
+        if model_error:
+            missed = 2 * self.model_error * self.observed[: len(result)]
+            result[np.diag_indices_from(result)] += missed**2
         if self.low_pass:
             # Where N is absent its floor stands in: the row must not become exact.
             floor = squares.get("random_walk") or self.floor
@@ -129,11 +130,12 @@ def _fit_axis(whole: AllanCurve, variance: np.ndarray, low_pass: LowPass | None)
     fit = _Fit(curve, variance[mask], low_pass)
     names, squares = _choose_terms(fit)
     misfit = _misfit(fit, names, squares)
-    if misfit:
+    for _ in range(3 if misfit else 0):
         # What the terms miss is no noise of the curve: it enters as an error of the model, so that
         # the best-known cluster times do not decide alone and the intervals tell.
         fit.model_error = misfit.rms
         names, squares = _choose_terms(fit)
+        misfit = _misfit(fit, names, squares) or misfit
     terms, bounds = {}, {}
     for name in NAMES:
         if name in names and squares[name] > 0:
@@ -199,6 +201,8 @@ def _chance_below(observed: float, theta: float, spread: np.ndarray) -> float:
     """
     a, b, c = spread
     v = a + b * theta + c * theta**2
+    if v <= 0:  # nothing but the term itself varies, and it is zero
+        return float(observed >= theta)
     skew = 2 * c**2 * theta**3 / v**1.5 if theta > 0 else 0.0
     return float(stats.pearson3.cdf((observed - theta) / np.sqrt(v), max(skew, 1e-6)))
 
@@ -233,7 +237,7 @@ def _misfit(fit: _Fit, names, squares) -> Misfit | None:
     """Where the measured curve departs from the fitted terms."""
     columns = np.stack([fit.columns[n] for n in names], axis=1)
     model = columns @ [squares[n] for n in names]
-    covariance = fit.covariance(squares)
+    covariance = fit.covariance(squares, model_error=False)
     keep = np.eye(len(model)) - columns @ fit.gain(names)
     spread = np.sqrt(np.maximum(np.diag(keep @ covariance @ keep.T), 1e-6 * np.diag(covariance)))
     points = slice(len(fit.curve.tau))
