@@ -56,7 +56,7 @@ AT_REST = {"gyroscope": (0.21, -0.34, 0.12), "accelerometer": (0.012, -0.021, 1.
 
 DEVICE = """\
 schema = 1
-id = {id}
+id = "{id}"
 name = "Robotics-grade AHRS (work A), simulated"
 
 [site]
@@ -98,58 +98,69 @@ def _temperature(seconds: np.ndarray) -> np.ndarray:
     return np.convolve(padded, kernel, mode="same")[width:-width]
 
 
+def swept(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """The sweep's table: t (s), gx … az in deg/s and g, temperature (°C)."""
+    samples = int(SWEEP_RATE * SWEEP_SECONDS)
+    seconds = np.arange(samples) / SWEEP_RATE
+    return {"t": seconds} | _table(rng, _temperature(seconds), SWEEP_RATE, None)
+
+
+def settled(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """The rest's table, the same columns without t."""
+    seconds = np.arange(int(RATE * HOURS * 3600)) / RATE
+    # A settled chamber still breathes by some hundredths of a degree.
+    temperature = REST_TEMPERATURE + 0.02 * np.sin(2 * np.pi * seconds / 2900 + 1.0)
+    return _table(rng, temperature, RATE, BANDWIDTH)
+
+
+def _table(rng, temperature, rate, bandwidth) -> dict[str, np.ndarray]:
+    table = {}
+    for sensor in PUBLISHED:
+        si = UNITS[sensor][1]
+        for axis, rest in zip("xyz", AT_REST[sensor], strict=True):
+            noise = coloured_noise(
+                len(temperature), rate, rng, **_terms(sensor, axis), bandwidth=bandwidth
+            )
+            bias = rest + thermal_change(temperature, *THERMAL[sensor][axis])
+            table[sensor[0] + axis] = bias + noise / si
+    # The thermometer's own noise, 0.01 °C.
+    table["temperature"] = temperature + 0.01 * rng.standard_normal(len(temperature))
+    return table
+
+
+def _terms(sensor: str, axis: str) -> dict[str, float]:
+    """N, B and K of an axis in SI."""
+    published = PUBLISHED[sensor]
+    values = [p * f for p, f in zip(published[axis], published["factors"], strict=True)]
+    return dict(zip(TERMS, values, strict=True))
+
+
 def build(rng: np.random.Generator, identifier: str) -> SimulatedDevice:
     """Draws the device's recordings and its truth."""
-    static_n, sweep_n = int(RATE * HOURS * 3600), int(SWEEP_RATE * SWEEP_SECONDS)
-    seconds = np.arange(static_n) / RATE
-    # A settled chamber still breathes by some hundredths of a degree.
-    settled = REST_TEMPERATURE + 0.02 * np.sin(2 * np.pi * seconds / 2900 + 1.0)
-    swept = _temperature(np.arange(sweep_n) / SWEEP_RATE)
-    static, sweep = {}, {}
-    truth: dict = {"noise": {}, "thermal": {}, "published": {}}
+    static = {name: column.astype(np.float32) for name, column in settled(rng).items()}
+    sweep = {name: np.round(column, 7) for name, column in swept(rng).items()}
     grid = np.round(np.arange(20.0, 44.05, 0.1), 1)
+    truth: dict = {"noise": {}, "thermal": {}, "published": {}, "bandwidth": BANDWIDTH}
     for sensor, published in PUBLISHED.items():
         si = UNITS[sensor][1]
-        truth["published"][sensor] = {"table": published["table"], "units": published["units"]}
-        truth["noise"][sensor], truth["thermal"][sensor] = {}, {}
-        for i, axis in enumerate("xyz"):
-            column = ("g" if sensor == "gyroscope" else "a") + axis
-            values = [p * f for p, f in zip(published[axis], published["factors"], strict=True)]
-            terms = dict(zip(TERMS, values, strict=True))
-            curve, rest = THERMAL[sensor][axis], AT_REST[sensor][i]
-            noise = coloured_noise(static_n, RATE, rng, **terms, bandwidth=BANDWIDTH) / si
-            static[column] = (rest + thermal_change(settled, *curve) + noise).astype(np.float32)
-            noise = coloured_noise(sweep_n, SWEEP_RATE, rng, **terms) / si
-            sweep[column] = np.round(rest + thermal_change(swept, *curve) + noise, 7)
-            truth["published"][sensor][axis] = published[axis]
-            truth["noise"][sensor][axis] = {k: v or None for k, v in terms.items()}
-            truth["thermal"][sensor][axis] = {
-                "bias": list(thermal_change(grid, *curve) * si),
-                "jump": curve[2] * si or None,
-            }
-    truth["thermal"]["temperature"] = list(grid)
-    truth["thermal"]["jump_range"] = [24.0, 25.0]
-    truth["bandwidth"] = BANDWIDTH
-    static["temperature"] = _thermometer(settled, rng).astype(np.float32)
-    sweep["temperature"] = np.round(_thermometer(swept, rng), 3)
-    sweep = {"t": np.arange(sweep_n) / SWEEP_RATE, **sweep}
-    toml = DEVICE.format(id=f'"{identifier}"')
+        truth["published"][sensor] = {k: published[k] for k in ("table", "units", *"xyz")}
+        truth["noise"][sensor] = {
+            axis: {term: value or None for term, value in _terms(sensor, axis).items()}
+            for axis in "xyz"
+        }
+        truth["thermal"][sensor] = {
+            axis: {"bias": list(thermal_change(grid, *curve) * si), "jump": curve[2] * si or None}
+            for axis, curve in THERMAL[sensor].items()
+        }
+    truth["thermal"] |= {"temperature": list(grid), "jump_range": [24.0, 25.0]}
+    toml = DEVICE.format(id=identifier)
     for sensor in PUBLISHED:
         for kind, file, rate, time in (
             ("static", "static.npz", f"rate = {RATE}\n", ""),
             ("thermal", "sweep.csv", "", 'time = "t", '),
         ):
             toml += RECORDING.format(
-                sensor=sensor,
-                kind=kind,
-                file=file,
-                rate=rate,
-                time=time,
-                unit=UNITS[sensor][0],
-                p=sensor[0],
-            )
+                sensor=sensor, kind=kind, file=file, rate=rate, time=time,
+                unit=UNITS[sensor][0], p=sensor[0],
+            )  # fmt: skip
     return SimulatedDevice(toml + SPEC, {"static.npz": static, "sweep.csv": sweep}, truth)
-
-
-def _thermometer(temperature: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    return temperature + 0.01 * rng.standard_normal(len(temperature))

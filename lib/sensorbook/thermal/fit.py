@@ -24,8 +24,8 @@ EDGE = 0.1  # of the range at either end where a jump is not looked for
 def fit_thermal(sweep: Sweep, sensor: str = "") -> ThermalFit:
     """Thermal calibration of each axis.
 
-    The simplest candidate is chosen whose held-out error exceeds the smallest by no more than its
-    standard error (paired over stretches). Standard errors come from a jackknife over stretches.
+    Polynomials and models with a jump are compared by their held-out errors (`_choose`). Standard
+    errors come from a jackknife over stretches of time.
 
     Parameters
     ----------
@@ -153,6 +153,15 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
         return Interval(value, value - half, value + half)
 
     jump = form.jump and interval(ThermalModel.jump)
+    if jump:
+        # How far a jump reaches into its sides is a matter of shape, which no residual decides.
+        wider = Form(
+            form.degree,
+            tuple(np.mean(form.jump) + 1.6 * np.subtract(form.jump, np.mean(form.jump))),
+        )
+        shape = abs(_model(problem, wider, sweep.span, reference).jump() - jump.value)
+        half = float(np.hypot(jump.high - jump.value, shape))
+        jump = Interval(jump.value, jump.value - half, jump.value + half)
     return ThermalAxis(
         model=model,
         offsets=tuple(
@@ -190,15 +199,31 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
 
 
 def _choose(errors: dict[str, np.ndarray], forms: dict[str, Form]) -> str:
-    """Simplest candidate within one standard error (paired over stretches) of the best."""
-    names = sorted(errors, key=lambda n: forms[n].size)
-    best = min(names, key=lambda n: np.nanmean(errors[n]))
-    for name in names:
-        excess = errors[name] - errors[best]
-        excess = excess[np.isfinite(excess)]
-        if len(excess) and excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)):
-            return name
-    return best
+    """Simplest candidate within one standard error (paired over stretches) of the best of its kind.
+
+    A jump is a claim: it is taken only where it beats the polynomials by twice that standard error.
+    """
+
+    def simplest(names: list[str]) -> str:
+        names = sorted(names, key=lambda n: forms[n].size)
+        best = min(names, key=lambda n: np.nanmean(errors[n]))
+        return next(n for n in names if _excess(errors[n], errors[best]) <= 1)
+
+    smooth = simplest([n for n in errors if not forms[n].jump])
+    broken = [n for n in errors if forms[n].jump and np.isfinite(np.nanmean(errors[n]))]
+    if not broken:
+        return smooth
+    jump = simplest(broken)
+    return jump if _excess(errors[smooth], errors[jump]) > 2 else smooth
+
+
+def _excess(error: np.ndarray, other: np.ndarray) -> float:
+    """How much larger one error is than another, in standard errors of the paired difference."""
+    difference = error - other
+    difference = difference[np.isfinite(difference)]
+    if not difference.any():
+        return 0.0
+    return difference.mean() / (difference.std(ddof=1) / np.sqrt(len(difference)))
 
 
 def _model(problem: _Problem, form: Form, span, reference, use=slice(None)) -> ThermalModel:
