@@ -64,10 +64,12 @@ def environment() -> jinja2.Environment:
 
 
 def chapter_page(notebook: nbformat.NotebookNode, record: dict[str, Any]) -> str:
-    """The page of an executed notebook; `record` is the chapter's."""
+    """The page of an executed notebook, up to where it refused; `record` is the chapter's."""
     exporter = _exporter()
     exporter.headings = []
-    body, _ = exporter.from_notebook_node(notebook)
+    last = next((i for i, cell in enumerate(notebook.cells) if _refused(cell)), None)
+    shown = notebook if last is None else {**notebook, "cells": notebook.cells[: last + 1]}
+    body, _ = exporter.from_notebook_node(nbformat.from_dict(shown))
     title = next((text for level, _, text in exporter.headings if level == 1), record["title"])
     contents = [heading for heading in exporter.headings if heading[0] in (2, 3)]
     return (
@@ -75,6 +77,10 @@ def chapter_page(notebook: nbformat.NotebookNode, record: dict[str, Any]) -> str
         .get_template("chapter.html.j2")
         .render(title=title, contents=contents, body=Markup(body), record=record)
     )
+
+
+def _refused(cell: nbformat.NotebookNode) -> bool:
+    return any(o.output_type == "error" for o in cell.get("outputs", ()))
 
 
 _thread = threading.local()

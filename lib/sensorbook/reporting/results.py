@@ -44,13 +44,6 @@ def read_records(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
-def status_of(record_file: Path) -> str | None:
-    """How the chapter of a record ended; None where there is no record."""
-    if not record_file.is_file():
-        return None
-    return json.loads(record_file.read_text(encoding="utf-8"))["status"]
-
-
 def assemble(
     device: dict[str, Any],
     software: dict[str, str],
@@ -82,7 +75,12 @@ def assemble(
                 reason = {"method": None} | reason
             found.setdefault(sensor, {})[result_of[slug]] = reason
         inputs += [i for i in record.get("inputs", ()) if i not in inputs]
-        warnings += [w for w in record.get("warnings", ()) if w not in warnings]
+        about = {"sensor": sensor, "chapter": slug}
+        told = [(w["file"], w["message"]) for w in warnings]
+        for warning in record.get("warnings", ()):
+            # What a recording shows is told once, whichever chapter read it.
+            if not warning["file"] or (warning["file"], warning["message"]) not in told:
+                warnings.append({**warning, **about})
         listed.append(
             {
                 "sensor": sensor,

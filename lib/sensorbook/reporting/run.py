@@ -191,8 +191,9 @@ def _chapter(
     # Relative to the notebook's own folder, so that it runs again from there.
     parameters = {"device": os.path.relpath(device.path, folder), "sensor": sensor}
     for need in chapter.needs:
-        complete = results.status_of(folder / f"{need}.json") == "complete"
-        parameters[f"{need}_record"] = f"{need}.json" if complete else ""
+        # A refused chapter's record, too: this one says why it goes on without.
+        there = (folder / f"{need}.json").is_file()
+        parameters[f"{need}_record"] = f"{need}.json" if there else ""
     shown_as = str(out / device.id / sensor / notebook.name)
     html = text = ""
     try:
