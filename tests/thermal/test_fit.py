@@ -52,16 +52,18 @@ def best_polynomial(axis):
 POWERS = (3.0, -0.4, 0.03, 0.002, -3e-4, 4e-5)  # of T − 32, each visible over ±12 °C
 
 
-@pytest.mark.parametrize("degree", range(1, 6))
-def test_exact_polynomial(degree):
-    t = up_and_down()
+@pytest.mark.parametrize(
+    ("degree", "blocks"), [(1, 300), (1, 240), (2, 240), (3, 240), (4, 300), (5, 240)]
+)
+def test_exact_polynomial(degree, blocks):
+    t = up_and_down(blocks)
     true = np.array(POWERS[: degree + 1])
     y = np.polynomial.polynomial.polyval(t - REFERENCE, true)
     axis = fit_thermal(sweep_of((t, y))).axes[0]
     assert axis.model.reference == REFERENCE
     assert axis.jump is None
     ((low, high, found),) = axis.model.segments
-    assert (low, high) == (LOW, pytest.approx(HIGH, abs=0.1))
+    assert (low, high) == (t.min(), t.max())
     # Chosen right: nothing beyond the true degree but rounding.
     assert len(found) == degree + 1
     # Each power counts by what it makes of 12 °C; the largest is some 10.
