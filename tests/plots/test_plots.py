@@ -129,7 +129,7 @@ def test_a_row_drawn_into_given_axes(name):
     assert all(a.has_data() for a in given)
 
 
-@pytest.mark.parametrize("name", set(SINGLE) - {"candidates"})
+@pytest.mark.parametrize("name", [n for n in SINGLE if n != "candidates"])
 def test_units_on_both_axes(name):
     axes = SINGLE[name]()
     assert UNIT.search(axes.get_xlabel())
