@@ -49,7 +49,7 @@ def run(samples=4000, hours=0.0, seed=121):
 @cache
 def noise(sensor="gyroscope"):
     values = np.random.default_rng(122).normal(size=(5000, 3)) * 1e-3
-    values += np.arange(5000)[:, None] * 1e-7
+    values += np.cumsum(np.random.default_rng(126).normal(size=(5000, 3)), axis=0) * 1e-4
     curve = allan_deviation(values, 100.0, sensor=sensor)
     return curve, fit_terms(curve), read_off(curve)
 
