@@ -16,7 +16,7 @@ data/ahrs-demo/device.toml: | .venv/.installed
 
 test: .venv/.installed-for-tests
 	$(BIN)/ruff check
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 2 --dist loadfile -o faulthandler_timeout=300  # a test that hangs says where
 
 lab: .venv/.installed
 	$(BIN)/jupyter lab notebooks
