@@ -32,7 +32,11 @@ def remove_thermal(recording: Recording, thermal: dict | None) -> tuple[Recordin
     if recording.temperature is None:
         return recording, "The record holds no temperature: it stays as it is, uncompensated."
     width = max(1, round(SMOOTHING * (recording.rate or 1.0)))
-    smooth = ndimage.uniform_filter1d(recording.temperature, width, mode="nearest")
+    temperature, known = recording.temperature, np.isfinite(recording.temperature)
+    if not known.any():
+        return recording, "The record's temperature is missing throughout: it stays uncompensated."
+    temperature = np.interp(recording.time, recording.time[known], temperature[known])
+    smooth = ndimage.uniform_filter1d(temperature, width, mode="nearest")
     values = np.array(recording.values)
     outside = np.zeros(len(values), dtype=bool)
     for i, axis in enumerate("xyz"):

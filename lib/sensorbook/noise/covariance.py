@@ -20,6 +20,8 @@ import numpy as np
 RANDOM_TERMS = ("quantization", "random_walk", "bias_instability", "rate_random_walk")
 _DIFFERENCE = np.array([1.0, -2.0, 1.0])
 _COEFFICIENTS = np.outer(_DIFFERENCE, _DIFFERENCE).ravel()
+_GAUSS = np.polynomial.legendre.leggauss(6)
+SUMMED = 16  # longest cluster, in samples, whose lags are summed one by one
 
 
 def _generalised(s: np.ndarray) -> np.ndarray:
@@ -30,21 +32,35 @@ def _generalised(s: np.ndarray) -> np.ndarray:
     return np.stack([size == 0, -size / 2, square * log / (2 * np.pi), size * square / 12])
 
 
-def _nodes(m1: int, m2: int, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-    """Integer lags and their quadrature weights, dense around the kinks of R₁₂.
+def _second_differences(lags: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """(4, L) covariance of the two second differences at each lag, by term."""
+    return np.einsum("s,asl->al", _COEFFICIENTS, _generalised(lags + shifts[:, None]))
 
-    At unit spacing the trapezoid rule is the exact sum, so short clusters are summed exactly.
+
+def _nodes(m1: int, m2: int, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lags in samples and their weights, for sums over all lags from `first` to `last`.
+
+    Around the kinks of R₁₂ short clusters are summed lag by lag; elsewhere, and for long clusters,
+    the sum is an integral, by Gauss's rule from kink to kink (exact for the polynomial terms).
     """
-    fine = np.arange(-24, 17) * m1 // 8  # multiples of m1/8: the kinks themselves are among them
-    coarse = np.arange(-64, 97) * m2 // 16
-    lags = np.concatenate([fine, fine + m2, fine + 2 * m2, coarse, [first, last]])
-    lags = np.unique(lags[(lags >= first) & (lags <= last)])
-    weights = np.ones(len(lags))
-    if len(lags) > 1:
-        gap = np.diff(lags)
-        weights[1:-1] = (gap[1:] + gap[:-1]) / 2
-        weights[[0, -1]] = (gap[0] + 1) / 2, (gap[-1] + 1) / 2
-    return lags, weights
+    # of R₁₂; those of the number of pairs are 0 and `first + last`
+    kinks = (np.arange(3) * m2 - np.arange(3)[:, None] * m1).ravel()
+    tails = m2 * np.array([0.25, 1, 3, 8])  # flicker noise alone reaches beyond the kinks
+    edges = [kinks, kinks.min() - tails, kinks.max() + tails, [0, first + last]]
+    edges = np.unique(np.concatenate(edges).clip(first, last))
+    if m1 > SUMMED:
+        centre, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+        lags = (centre[:, None] + half[:, None] * _GAUSS[0]).ravel()
+        return lags, (half[:, None] * _GAUSS[1]).ravel()
+    near = np.unique((np.arange(-3 * m1, m1 + 1) + np.arange(3)[:, None] * m2).ravel())
+    near = near[(near >= first) & (near <= last)]
+    # The stretches between, half a lag beyond the last summed one.
+    ends = np.unique(np.concatenate([edges, near - 0.5, near + 0.5]))
+    centre, half = (ends[1:] + ends[:-1]) / 2, np.diff(ends) / 2
+    between = ~np.isin(np.round(centre), near)
+    centre, half = centre[between, None], half[between, None]
+    lags = np.concatenate([near, (centre + half * _GAUSS[0]).ravel()])
+    return lags, np.concatenate([np.ones(len(near)), (half * _GAUSS[1]).ravel()])
 
 
 @lru_cache(maxsize=8)
@@ -59,21 +75,20 @@ def _kernels(clusters: tuple[int, ...], samples: int) -> tuple[np.ndarray, np.nd
             n1, n2 = samples - 2 * m1 + 1, samples - 2 * m2 + 1
             shifts = (np.arange(3)[:, None] * m1 - np.arange(3) * m2).ravel()
             lags, weights = _nodes(m1, m2, 1 - n2, n1 - 1)
-            r = np.einsum(
-                "s,asl->al", _COEFFICIENTS, _generalised(lags.astype(float) + shifts[:, None])
-            )
-            # Pairs (k, l) with k − l = lag, over both estimates' start samples.
-            pairs = np.minimum(n1, n2 + lags) - np.maximum(0, lags)
+            r = _second_differences(lags, shifts)
+
+            def pairs(lag, n1=n1, n2=n2):
+                # (k, l) with k − l = lag, over both estimates' start samples
+                return np.minimum(n1, n2 + lag) - np.maximum(0, lag)
+
+            w = np.maximum(pairs(lags), 0) * weights
+            product, total = np.einsum("l,al,bl->ab", w, r, r), r @ w
             # Quantisation acts at single lags and is summed there, not integrated.
-            r_point = r * (r[0] != 0)
-            smooth = r.copy()
-            smooth[0] = 0
-            w = pairs * weights
-            product = np.einsum("l,al,bl->ab", w, smooth, smooth)
-            point = np.einsum("l,al,bl->ab", pairs, r_point, r_point)
-            product[0], product[:, 0] = point[0], point[:, 0]
-            total = smooth @ w
-            total[0] = r[0] @ pairs
+            single = np.unique(-shifts)
+            at = _second_differences(single, shifts)
+            w = np.maximum(pairs(single), 0)
+            point = np.einsum("l,al,bl->ab", w, at, at)
+            product[0], product[:, 0], total[0] = point[0], point[:, 0], at[0] @ w
             scale = 1.0 / (n1 * n2 * (m1 * m2) ** 2)
             products[i, j] = products[j, i] = product * scale
             sums[i, j] = sums[j, i] = total / (n1 * n2 * m1 * m2)

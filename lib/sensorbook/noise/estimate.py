@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-from scipy import linalg, optimize, stats
+from scipy import linalg, ndimage, optimize, stats
 
 from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
@@ -25,6 +24,7 @@ MISFIT_SIGMA, MISFIT_SIZE = (
 # Neighbouring cluster times are so alike that their correlation, a quadrature, is close to singular:
 # eigenvalues below this are raised to it. It costs efficiency, not validity: intervals are a sandwich.
 SMALLEST = 0.02
+LEAST_ERROR = 1e-4  # relative, of σ
 FIT_REACH, READ_REACH = 2.0, 10.0  # shortest cluster time, in units of the low-pass's 1/f_c
 NAMES = tuple(TERMS)
 
@@ -71,31 +71,44 @@ class _Fit:
     With a low-pass a last row says that the coefficient of 1/τ² is −t_c N², to within t_c's error.
     """
 
-    def __init__(self, curve: AllanCurve, observed: np.ndarray, low_pass: LowPass | None):
-        self.curve, self.observed, self.low_pass = curve, observed, low_pass
-        self.model_error = 0.0  # relative, of σ: what the terms miss beyond chance
-        self.columns = {name: TERMS[name].variance(curve.tau) for name in NAMES}
+    def __init__(self, curve: AllanCurve, variance: np.ndarray, low_pass: LowPass | None):
+        self.curve, self.low_pass = curve, low_pass
+        self.used = np.flatnonzero(usable(curve, low_pass))
+        self.tau, observed = curve.tau[self.used], variance[self.used]
+        self.observed = observed
+        self.missed = np.zeros(len(observed))  # relative, of σ: what the terms miss beyond chance
+        self.columns = {name: TERMS[name].variance(self.tau) for name in NAMES}
         # A first weight that needs no model: edf falls as 1/τ.
-        spread = observed * np.sqrt(curve.tau)
+        spread = observed * np.sqrt(self.tau)
         if low_pass:
             row = {"quantization": 3.0, "random_walk": low_pass.correlation_time}
             self.columns = {n: np.append(c, row.get(n, 0.0)) for n, c in self.columns.items()}
             self.observed = np.append(observed, 0.0)
-            self.floor = float(np.median(observed * curve.tau))
+            self.floor = float(np.median(observed * self.tau))
             spread = np.append(spread, self.floor * low_pass.std)
         self.whiten = np.diag(1 / spread)
 
-    def covariance(self, squares: dict[str, float], model_error: bool = True) -> np.ndarray:
+    def covariance(self, squares: dict[str, float], missed: bool = True) -> np.ndarray:
         c = self.curve
         result = variance_covariance(c.clusters, c.samples, c.rate, squares)
-        if model_error:
-            missed = 2 * self.model_error * self.observed[: len(result)]
-            result[np.diag_indices_from(result)] += missed**2
+        result = result[np.ix_(self.used, self.used)]
+        # Without random terms there is no spread at all: no formula is better than LEAST_ERROR.
+        error = 2 * np.maximum(self.missed if missed else 0.0, LEAST_ERROR)
+        result[np.diag_indices_from(result)] += (error * self.observed[: len(result)]) ** 2
         if self.low_pass:
             # Where N is absent its floor stands in: the row must not become exact.
             floor = squares.get("random_walk") or self.floor
             result = linalg.block_diag(result, (floor * self.low_pass.std) ** 2)
         return result
+
+    def spread(self, gain: np.ndarray, squares: dict[str, float]) -> float:
+        """Variance of ``gain @ observed`` under the given terms.
+
+        Not below a thousandth of what independent errors give: the covariance is a quadrature, and
+        what cancels in it may come out negative.
+        """
+        c = self.covariance(squares)
+        return max(gain @ c @ gain, 1e-3 * gain**2 @ np.diag(c))
 
     def reweight(self, squares: dict[str, float]) -> None:
         c = self.covariance(squares)
@@ -124,18 +137,21 @@ class _Fit:
         return np.linalg.pinv(a) / norm[:, None] @ self.whiten
 
 
-def _fit_axis(whole: AllanCurve, variance: np.ndarray, low_pass: LowPass | None) -> AxisNoise:
-    mask = usable(whole, low_pass)
-    curve = replace(whole, tau=whole.tau[mask], clusters=whole.clusters[mask])
-    fit = _Fit(curve, variance[mask], low_pass)
+def _fit_axis(curve: AllanCurve, variance: np.ndarray, low_pass: LowPass | None) -> AxisNoise:
+    fit = _Fit(curve, variance, low_pass)
     names, squares = _choose_terms(fit)
-    misfit = _misfit(fit, names, squares)
-    for _ in range(3 if misfit else 0):
-        # What the terms miss is no noise of the curve: it enters as an error of the model, so that
-        # the best-known cluster times do not decide alone and the intervals tell.
-        fit.model_error = misfit.rms
+    misfit, missed = _misfit(fit, names, squares)
+    if misfit:
+        # What the terms miss is no noise of the curve: it enters as an error of the model. First
+        # everywhere, to find the terms in spite of it; then where the curve lies above them, as it
+        # does where something is added to the noise.
+        fit.missed[:] = np.sqrt(np.mean(missed**2))
+        for _ in range(3):
+            names, squares = _choose_terms(fit)
+            again, missed = _misfit(fit, names, squares)
+            misfit = again or misfit
+            fit.missed[:] = np.maximum(missed, 0) if (missed > 0).any() else np.abs(missed)
         names, squares = _choose_terms(fit)
-        misfit = _misfit(fit, names, squares) or misfit
     terms, bounds = {}, {}
     for name in NAMES:
         if name in names and squares[name] > 0:
@@ -144,42 +160,90 @@ def _fit_axis(whole: AllanCurve, variance: np.ndarray, low_pass: LowPass | None)
         else:
             terms[name] = None
             bounds[name] = float(np.sqrt(_bound(fit, names, squares, name)))
-    edf, band = _confidence(whole, variance, squares, mask)
-    used = (float(curve.tau[0]), float(curve.tau[-1]))
+    edf, band = _confidence(curve, variance, squares, fit.used)
+    used = (float(fit.tau[0]), float(fit.tau[-1]))
     return AxisNoise(terms, bounds, used, misfit, squares, edf, band)
 
 
 def _choose_terms(fit: _Fit) -> tuple[tuple[str, ...], dict[str, float]]:
-    """The terms that are visible and their squared coefficients, by backward elimination."""
-    names = NAMES
-    for _ in range(3):
-        fit.reweight(fit.solve(names))
-    while True:
-        squares = fit.solve(names)
-        for _ in range(2):
-            fit.reweight(squares)
-            squares = fit.solve(names)
-        strength = _strengths(fit, names, squares)
+    """The terms that are visible and their squared coefficients.
+
+    Forward, the strongest first; then backward, for what later terms have made redundant; then terms
+    are exchanged for ones that explain the same rise better (K for B, R for K).
+    """
+    names = _prune(fit, _grow(fit, ("random_walk",)))
+    exchanged = _exchange(fit, names)
+    if exchanged != names:
+        names = _prune(fit, _grow(fit, exchanged))
+    return names, _settle(fit, names)
+
+
+def _grow(fit: _Fit, names: tuple[str, ...]) -> tuple[str, ...]:
+    while len(names) < len(NAMES):
+        squares = _settle(fit, names)
+        strength = {n: _strength(fit, (*names, n), n, squares) for n in NAMES if n not in names}
+        strongest = max(strength, key=strength.get)
+        if strength[strongest] < 1:
+            break
+        names = (*names, strongest)
+    return names
+
+
+def _prune(fit: _Fit, names: tuple[str, ...]) -> tuple[str, ...]:
+    """A term is judged with the weights of the model that lacks it."""
+    while len(names) > 1:
+        strength = {}
+        for n in names:
+            squares = _settle(fit, tuple(m for m in names if m != n))
+            strength[n] = _strength(fit, names, n, squares)
         weakest = min(strength, key=strength.get)
-        if strength[weakest] >= 1 or len(names) == 1:
-            return names, squares
+        if strength[weakest] >= 1:
+            break
         names = tuple(n for n in names if n != weakest)
+    return names
 
 
-def _strengths(fit: _Fit, names, squares) -> dict[str, float]:
-    """Each term's estimate over what chance gives without it, in units of the threshold."""
-    gain = fit.gain(names)
+def _exchange(fit: _Fit, names: tuple[str, ...]) -> tuple[str, ...]:
+    """The likeliest set of as many terms that differs in one of B, K and R."""
+    slow = ("bias_instability", "rate_random_walk", "rate_ramp")
+    sets = [names] + [
+        tuple(new if n == old else n for n in names)
+        for old in slow
+        for new in slow
+        if old in names and new not in names
+    ]
+    return min(sets, key=lambda s: _unlikelihood(fit, s))
+
+
+def _unlikelihood(fit: _Fit, names: tuple[str, ...]) -> float:
+    """−2 log L of the curve, taken as normal, up to a constant.
+
+    A ramp leaves no scatter, which tells it from a walk that happens to look like one; it is the
+    stronger claim and must win by e¹⁰ (walks reached e⁸ in simulation).
+    """
+    squares = _settle(fit, names)
+    fit.reweight(squares)
+    model = sum(squares[n] * fit.columns[n] for n in names)
+    residual = fit.whiten @ (fit.observed - model)
+    claim = 20.0 if "rate_ramp" in names else 0.0
+    return float(residual @ residual - 2 * np.linalg.slogdet(fit.whiten)[1]) + claim
+
+
+def _settle(fit: _Fit, names: tuple[str, ...]) -> dict[str, float]:
+    """Squared coefficients of these terms with the weights that they imply."""
+    for _ in range(3):
+        squares = fit.solve(names)
+        fit.reweight(squares)
+    return fit.solve(names)
+
+
+def _strength(fit: _Fit, names: tuple[str, ...], name: str, without: dict[str, float]) -> float:
+    """A term's estimate among `names` over what chance gives without it, in units of `PRESENT`."""
+    gain = fit.gain(names)[names.index(name)]
     found = gain @ fit.observed
-    result = {}
-    for k, name in enumerate(names):
-        without = {n: v for n, v in squares.items() if n != name}
-        if not any(v > 0 for v in without.values()):
-            result[name] = np.inf
-            continue
-        chance = np.sqrt(gain[k] @ fit.covariance(without) @ gain[k])
-        size = abs(found[k]) if name == "quantization" else found[k]
-        result[name] = size / chance / PRESENT
-    return result
+    chance = np.sqrt(fit.spread(gain, without))
+    size = abs(found) if name == "quantization" else found
+    return size / chance / PRESENT
 
 
 def _spread(fit: _Fit, names, squares, name):
@@ -187,7 +251,7 @@ def _spread(fit: _Fit, names, squares, name):
     gain = fit.gain(names)[names.index(name)]
     step = max(abs(squares.get(name, 0.0)), 1e-3 * float(np.max(np.abs(fit.observed * gain))))
     at = np.array([0.0, step, 2 * step])
-    v = [gain @ fit.covariance({**squares, name: t}) @ gain for t in at]
+    v = [fit.spread(gain, {**squares, name: t}) for t in at]
     c = (v[2] - 2 * v[1] + v[0]) / (2 * step**2)
     b = (v[1] - v[0]) / step - c * step
     return np.array([v[0], b, c])
@@ -233,31 +297,26 @@ def _bound(fit, names, squares, name) -> float:
     return _limit(max(found, 0.0), spread, 0.05)
 
 
-def _misfit(fit: _Fit, names, squares) -> Misfit | None:
-    """Where the measured curve departs from the fitted terms."""
+def _misfit(fit: _Fit, names, squares) -> tuple[Misfit | None, np.ndarray]:
+    """Where the measured curve departs from the fitted terms; σ/model − 1 there, else zero."""
     columns = np.stack([fit.columns[n] for n in names], axis=1)
     model = columns @ [squares[n] for n in names]
-    covariance = fit.covariance(squares, model_error=False)
-    keep = np.eye(len(model)) - columns @ fit.gain(names)
-    spread = np.sqrt(np.maximum(np.diag(keep @ covariance @ keep.T), 1e-6 * np.diag(covariance)))
-    points = slice(len(fit.curve.tau))
+    points = slice(len(fit.tau))
     # A model that a negative 1/τ² drives to zero or below is a departure of its own.
-    ratio = fit.observed[points] / np.maximum(model[points], 1e-3 * fit.observed[points])
+    model = np.maximum(model, 1e-3 * fit.observed)[points]
+    ratio = fit.observed[points] / model
     size = np.sqrt(ratio) - 1
     # Variances are χ², skewed where the degrees of freedom are few: Wilson and Hilferty's cube root.
-    share = (spread[points] / np.maximum(model[points], 1e-3 * fit.observed[points])) ** 2 / 9
+    share = np.diag(fit.covariance(squares, missed=False))[points] / (9 * model**2)
     z = (np.cbrt(ratio) - (1 - share)) / np.sqrt(share)
     away = (np.abs(z) > MISFIT_SIGMA) & (np.abs(size) > MISFIT_SIZE)
     if not away.any():
-        return None
-    tau = fit.curve.tau
-    worst = np.flatnonzero(away)[np.argmax(np.abs(size[away]))]
-    return Misfit(
-        (float(tau[away][0]), float(tau[away][-1])),
-        float(tau[worst]),
-        float(size[worst]),
-        float(np.sqrt(np.mean(size**2))),
-    )
+        return None, np.zeros(len(size))
+    worst = int(np.argmax(np.where(away, np.abs(z), 0)))
+    stretch = ndimage.label(away)[0]
+    told = fit.tau[stretch == stretch[worst]]  # the departure around the worst point
+    found = Misfit((float(told[0]), float(told[-1])), float(fit.tau[worst]), float(size[worst]))
+    return found, np.where(away, size, 0.0)
 
 
 def _confidence(curve: AllanCurve, variance, squares, used) -> tuple[np.ndarray, np.ndarray]:
@@ -265,7 +324,8 @@ def _confidence(curve: AllanCurve, variance, squares, used) -> tuple[np.ndarray,
     covariance = variance_covariance(curve.clusters, curve.samples, curve.rate, squares)
     model = sum(v * TERMS[n].variance(curve.tau) for n, v in squares.items())
     # Within the low-pass's reach the terms say nothing: the measured variance stands in.
-    edf = 2 * np.where(used & (model > 0), model, variance) ** 2 / np.diag(covariance)
+    stated = np.isin(np.arange(len(model)), used) & (model > 0)
+    edf = 2 * np.where(stated, model, variance) ** 2 / np.diag(covariance)
     limits = [np.sqrt(variance * edf / stats.chi2.ppf(q, edf)) for q in (0.975, 0.025)]
     return edf, np.stack(limits, axis=1)
 

@@ -26,15 +26,13 @@ class Misfit:
 
     Attributes
     ----------
-    tau_range : cluster times that depart, s
-    tau, size : the worst of them, s, and σ/model − 1 there
-    rms : of σ/model − 1 over all cluster times of the fit
+    tau_range : cluster times that depart, around the most significant, s
+    tau, size : the most significant, s, and σ/model − 1 there
     """
 
     tau_range: tuple[float, float]
     tau: float
     size: float
-    rms: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft, optimize
+from scipy import fft, ndimage, optimize
 
 from sensorbook.noise.model import variance_from_spectrum
 
 BIN_LINES = (
     400  # lines averaged into one point: their mean is normal to better than a tenth of its spread
 )
+
+
+LINE = 1.5  # times its neighbours' median; chance reaches 1.25
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,8 @@ def find_low_pass(values: np.ndarray, rate: float) -> LowPass | None:
     """The low-pass that shapes the white floor, None where the floor reaches the Nyquist frequency.
 
     The averaged periodogram is fitted with an all-pole shape (A 5.12)
-    ``N²/(1 + a₁u + a₂u² + a₃u³) + b/f``, u = (f/f_c)², from which t_c follows by quadrature (A 5.14).
+    ``N²/(1 + a₁u + a₂u² + a₃u³ + a₄u⁴) + b/f``, u = (f/f_c)², whose half-power point is the cut-off and
+    from which t_c follows by quadrature (A 5.14). Spectral lines are left out.
 
     Parameters
     ----------
@@ -53,27 +57,29 @@ def find_low_pass(values: np.ndarray, rate: float) -> LowPass | None:
     f = (np.arange(bins) + 0.5) * lines * rate / len(values)
     nyquist = rate / 2
     floor = np.median(p[(f >= 0.02 * nyquist) & (f <= 0.1 * nyquist)])
-    smooth = np.array([np.median(p[max(0, i - 2) : i + 3]) for i in range(bins)])
-    cutoff = f[np.flatnonzero(smooth > 0.5 * floor)[-1]]
-    if cutoff > 0.9 * nyquist:
+    smooth = ndimage.median_filter(p, 9, mode="nearest")
+    edge = f[np.flatnonzero(smooth > 0.5 * floor)[-1]]
+    if edge > 0.9 * nyquist:
         return None
-    inside = (f > cutoff / 20) & (f < min(1.6 * cutoff, 0.98 * nyquist))
+    # Further up a digital filter bends away from any all-pole shape, towards its zero at Nyquist.
+    inside = (f > edge / 20) & (f < min(1.3 * edge, 0.98 * nyquist)) & (p < LINE * smooth)
 
     def floor_shape(a, at):
-        u = (at / cutoff) ** 2
-        return 1 / (1 + u * (a[0] + u * (a[1] + u * a[2])))
+        u = (at / edge) ** 2
+        return 1 / (1 + u * (a[0] + u * (a[1] + u * (a[2] + u * a[3]))))
 
     def residual(x):
-        model = x[0] * floor * floor_shape(x[2:], f[inside]) + x[1] * floor * cutoff / f[inside]
+        model = x[0] * floor * floor_shape(x[2:], f[inside]) + x[1] * floor * edge / f[inside]
         return (p[inside] / model - 1) * np.sqrt(lines)
 
     fit = optimize.least_squares(
         residual,
-        [1.0, 0.0, 0.0, 1.0, 0.0],
-        bounds=([0.1, 0, -1, -1, 0], [10, 1, 10, 10, 10]),
-        loss="soft_l1",  # a periodic component is not part of the floor
-        f_scale=3.0,
+        [1.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        bounds=([0.1, 0, -1, -1, -1, -1], [10, 1, 10, 10, 10, 10]),
     )
+    fine = np.linspace(0, 2 * edge, 2001)
+    below = floor_shape(fit.x[2:], fine) < 0.5
+    cutoff = fine[np.argmax(below)] if below.any() else edge
     tau = 40 / cutoff
 
     def correlation_time(a):
@@ -82,6 +88,6 @@ def find_low_pass(values: np.ndarray, rate: float) -> LowPass | None:
 
     found = correlation_time(fit.x[2:])
     step = 1e-4
-    slope = np.array([correlation_time(fit.x[2:] + step * e) - found for e in np.eye(3)]) / step
+    slope = np.array([correlation_time(fit.x[2:] + step * e) - found for e in np.eye(4)]) / step
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac)[2:, 2:]
     return LowPass(float(cutoff), float(found), float(np.sqrt(slope @ covariance @ slope)))

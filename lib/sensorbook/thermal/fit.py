@@ -204,24 +204,27 @@ def _choose(errors: dict[str, np.ndarray], forms: dict[str, Form]) -> str:
     A jump is a claim: it is taken only where it beats the polynomials by twice that standard error.
     """
 
+    # Differences this small beside the error of a constant are rounding.
+    rounding = 1e-14 * float(np.nanmean(errors["degree 0"]))
+
     def simplest(names: list[str]) -> str:
         names = sorted(names, key=lambda n: forms[n].size)
         best = min(names, key=lambda n: np.nanmean(errors[n]))
-        return next(n for n in names if _excess(errors[n], errors[best]) <= 1)
+        return next(n for n in names if _excess(errors[n], errors[best], rounding) <= 1)
 
     smooth = simplest([n for n in errors if not forms[n].jump])
     broken = [n for n in errors if forms[n].jump and np.isfinite(np.nanmean(errors[n]))]
     if not broken:
         return smooth
     jump = simplest(broken)
-    return jump if _excess(errors[smooth], errors[jump]) > 2 else smooth
+    return jump if _excess(errors[smooth], errors[jump], rounding) > 2 else smooth
 
 
-def _excess(error: np.ndarray, other: np.ndarray) -> float:
+def _excess(error: np.ndarray, other: np.ndarray, rounding: float) -> float:
     """How much larger one error is than another, in standard errors of the paired difference."""
     difference = error - other
     difference = difference[np.isfinite(difference)]
-    if not difference.any():
+    if not len(difference) or np.abs(difference).max() <= rounding:
         return 0.0
     return difference.mean() / (difference.std(ddof=1) / np.sqrt(len(difference)))
 
