@@ -18,7 +18,6 @@ from sensorbook.reporting import chapters
 
 NOTEBOOKS = sorted(chapters.NOTEBOOKS.glob("*.ipynb"))
 SCHEMA = Path(chapters.__file__).with_name("results.schema.json")
-pytestmark = pytest.mark.xdist_group("chapters")  # the demo is rendered once
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)

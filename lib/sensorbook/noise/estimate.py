@@ -17,6 +17,7 @@ from sensorbook.noise.spectrum import LowPass
 # Of 40 000 simulated records without K (estimates are skewed) one in 1800 does; a device's report makes
 # some 24 such decisions and shall rarely hold a false one.
 PRESENT = 4.0
+STRETCHES = 4  # of departures that are kept from the terms
 MISFIT_SIGMA, MISFIT_SIZE = (
     4.0,
     0.05,
@@ -140,18 +141,23 @@ class _Fit:
 def _fit_axis(curve: AllanCurve, variance: np.ndarray, low_pass: LowPass | None) -> AxisNoise:
     fit = _Fit(curve, variance, low_pass)
     names, squares = _choose_terms(fit)
-    misfit, missed = _misfit(fit, names, squares)
+    misfit, _ = _misfit(fit, names, squares)
     if misfit:
         # What the terms miss is no noise of the curve: it enters as an error of the model. First
-        # everywhere, to find the terms in spite of it; then where the curve lies above them, as it
-        # does where something is added to the noise.
-        fit.missed[:] = np.sqrt(np.mean(missed**2))
-        for _ in range(3):
+        # everywhere, to find the terms in spite of it; then stretch by stretch, the worst first.
+        fit.missed[:] = 2 * MISFIT_SIZE
+        names, squares = _choose_terms(fit)
+        again, missed = _misfit(fit, names, squares)
+        if again:
+            misfit, fit.missed = again, np.zeros_like(fit.missed)
+        for _ in range(STRETCHES):
+            if not again:
+                break
+            fit.missed = np.maximum(fit.missed, missed)
             names, squares = _choose_terms(fit)
             again, missed = _misfit(fit, names, squares)
-            misfit = again or misfit
-            fit.missed[:] = np.maximum(missed, 0) if (missed > 0).any() else np.abs(missed)
-        names, squares = _choose_terms(fit)
+        # A curve that is known to hold something else is not known to the last digit elsewhere.
+        fit.missed = np.maximum(fit.missed, MISFIT_SIZE / 2)
     terms, bounds = {}, {}
     for name in NAMES:
         if name in names and squares[name] > 0:
@@ -298,7 +304,7 @@ def _bound(fit, names, squares, name) -> float:
 
 
 def _misfit(fit: _Fit, names, squares) -> tuple[Misfit | None, np.ndarray]:
-    """Where the measured curve departs from the fitted terms; σ/model − 1 there, else zero."""
+    """The worst stretch in which the curve departs from the terms; |σ/model − 1| there, else zero."""
     columns = np.stack([fit.columns[n] for n in names], axis=1)
     model = columns @ [squares[n] for n in names]
     points = slice(len(fit.tau))
@@ -310,13 +316,19 @@ def _misfit(fit: _Fit, names, squares) -> tuple[Misfit | None, np.ndarray]:
     share = np.diag(fit.covariance(squares, missed=False))[points] / (9 * model**2)
     z = (np.cbrt(ratio) - (1 - share)) / np.sqrt(share)
     away = (np.abs(z) > MISFIT_SIGMA) & (np.abs(size) > MISFIT_SIZE)
+    away &= (
+        fit.missed == 0 if (fit.missed == 0).any() else True
+    )  # what is known to be missed is told
     if not away.any():
         return None, np.zeros(len(size))
-    worst = int(np.argmax(np.where(away, np.abs(z), 0)))
-    stretch = ndimage.label(away)[0]
-    told = fit.tau[stretch == stretch[worst]]  # the departure around the worst point
-    found = Misfit((float(told[0]), float(told[-1])), float(fit.tau[worst]), float(size[worst]))
-    return found, np.where(away, size, 0.0)
+    # What is added to the noise lifts the curve; the fit, drawn up by it, lies above the rest.
+    lifted = away & (z > 0) if (away & (z > 0)).any() else away
+    worst = int(np.argmax(np.where(lifted, np.abs(z), 0)))
+    stretch = ndimage.label(lifted)[0]
+    told = stretch == stretch[worst]
+    tau = fit.tau[told]
+    found = Misfit((float(tau[0]), float(tau[-1])), float(fit.tau[worst]), float(size[worst]))
+    return found, np.where(told, np.abs(size), 0.0)
 
 
 def _confidence(curve: AllanCurve, variance, squares, used) -> tuple[np.ndarray, np.ndarray]:

@@ -20,17 +20,34 @@ def plot_recording(recording, axes: Axes | None = None) -> Axes:
     axes = new_axes(axes)
     label, si = units.field_unit(recording.sensor, "signal")
     time, unit = _time_axis(recording.time)
-    for name, column in zip("xyz", recording.values.T, strict=False):
+    # The widest band first, so that it hides none of the others.
+    spread = np.nanstd(recording.values, axis=0)
+    for i in np.argsort(-spread):
+        name, column = "xyz"[i], recording.values[:, i]
         median = float(np.nanmedian(column))
         t, low, high = envelope(time, (column - median) / si)
         text = f"{name} (median {median / si:.4g} {label})"
-        axes.fill_between(t, low, high, color=COLOURS[name], alpha=0.55, linewidth=0.6, label=text)
+        axes.fill_between(t, low, high, color=COLOURS[name], alpha=0.7, linewidth=0.6, label=text)
     axes.set_xlabel(f"time [{unit}]")
     axes.set_ylabel(f"{recording.sensor} less median [{label}]")
-    axes.legend(loc="upper right", fontsize=8, ncols=3)
+    _keep_spikes_out(axes, (recording.values - np.nanmedian(recording.values, axis=0)) / si)
+    handles, labels = axes.get_legend_handles_labels()
+    order = np.argsort(labels)
+    axes.legend([handles[i] for i in order], [labels[i] for i in order], fontsize=8, ncols=3)
     axes.margins(x=0.01)
     grid(axes)
     return axes
+
+
+def _keep_spikes_out(axes: Axes, values: np.ndarray) -> None:
+    """Limits the axis to what the bulk of the samples needs, and says how far the rest reaches."""
+    low, high = np.nanpercentile(values, [0.05, 99.95])
+    margin = 0.3 * (high - low)
+    least, largest = np.nanmin(values), np.nanmax(values)
+    if largest - least > 4 * (high - low) > 0:
+        axes.set_ylim(low - margin, high + 2 * margin)
+        text = f"spikes beyond reach {least:.3g} … {largest:.3g}"
+        axes.text(0.01, 0.02, text, transform=axes.transAxes, fontsize=8)
 
 
 def plot_temperature(recordings, axes: Axes | None = None) -> Axes:

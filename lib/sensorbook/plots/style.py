@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogFormatter, LogLocator
 
 # Okabe and Ito (2008): distinct for every common kind of colour vision, and in grey.
 COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
@@ -36,7 +36,9 @@ def log_log(axes: Axes) -> None:
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_locator(LogLocator(subs=np.arange(2, 10), numticks=60))
-        axis.set_minor_formatter(NullFormatter())
+        # Numbers between the decades where there are few of these.
+        axis.set_minor_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.4)))
+        axis.set_tick_params(which="minor", labelsize=7)
     axes.grid(which="major", color="#B8B8B8", linewidth=0.7)
     axes.grid(which="minor", color="#E6E6E6", linewidth=0.4)
 
