@@ -1,8 +1,10 @@
 """Stochastic errors: Allan deviation, noise terms and their estimation."""
 
 from sensorbook.noise.allan import AllanCurve, allan_deviation, cluster_sizes
-from sensorbook.noise.estimate import NoiseEstimate, fit_terms, read_off
+from sensorbook.noise.estimate import fit_terms
 from sensorbook.noise.model import TERMS, NoiseTerms, variance_from_spectrum
+from sensorbook.noise.result import NoiseEstimate
+from sensorbook.noise.ruler import read_off
 from sensorbook.noise.spectrum import LowPass, find_low_pass
 from sensorbook.noise.truth import against_truth
 

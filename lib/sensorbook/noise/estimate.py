@@ -1,4 +1,4 @@
-"""Noise terms from an Allan curve: A's read-off and a weighted fit, both with 95 % intervals."""
+"""Noise terms from an Allan curve by a weighted fit, with 95 % intervals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy import linalg, ndimage, optimize, stats
 
 from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
-from sensorbook.noise.model import FLAT, TERMS
+from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, Estimate, Misfit, NoiseEstimate
 from sensorbook.noise.spectrum import LowPass
 
@@ -26,7 +26,7 @@ MISFIT_SIGMA, MISFIT_SIZE = (
 # eigenvalues below this are raised to it. It costs efficiency, not validity: intervals are a sandwich.
 SMALLEST = 0.02
 LEAST_ERROR = 1e-4  # relative, of σ
-FIT_REACH, READ_REACH = 2.0, 10.0  # shortest cluster time, in units of the low-pass's 1/f_c
+FIT_REACH = 2.0  # shortest cluster time, in units of the low-pass's 1/f_c
 NAMES = tuple(TERMS)
 
 
@@ -158,10 +158,12 @@ def _fit_axis(curve: AllanCurve, variance: np.ndarray, low_pass: LowPass | None)
             again, missed = _misfit(fit, names, squares)
         # A curve that is known to hold something else is not known to the last digit elsewhere.
         fit.missed = np.maximum(fit.missed, MISFIT_SIZE / 2)
+    settled = [(names, squares), *_neighbours(fit, names, squares)]
     terms, bounds = {}, {}
     for name in NAMES:
         if name in names and squares[name] > 0:
-            low, high = _interval(fit, names, squares, name)
+            limits = np.array([_interval(fit, n, s, name) for n, s in settled])
+            low, high = limits[:, 0].min(), limits[:, 1].max()
             terms[name] = Estimate(*map(float, np.sqrt([squares[name], low, high])))
         else:
             terms[name] = None
@@ -219,6 +221,19 @@ def _exchange(fit: _Fit, names: tuple[str, ...]) -> tuple[str, ...]:
         if old in names and new not in names
     ]
     return min(sets, key=lambda s: _unlikelihood(fit, s))
+
+
+def _neighbours(fit: _Fit, names, squares) -> list[tuple[tuple[str, ...], dict[str, float]]]:
+    """The chosen model with one more term each, where that is too weak to state but not absent.
+
+    What such a term would take from the others belongs into their intervals.
+    """
+    found = []
+    for name in ("bias_instability", "rate_random_walk", "rate_ramp"):
+        more = (*names, name)
+        if name not in names and PRESENT * _strength(fit, more, name, squares) > 1:
+            found.append((more, fit.solve(more)))
+    return found
 
 
 def _unlikelihood(fit: _Fit, names: tuple[str, ...]) -> float:
@@ -340,57 +355,3 @@ def _confidence(curve: AllanCurve, variance, squares, used) -> tuple[np.ndarray,
     edf = 2 * np.where(stated, model, variance) ** 2 / np.diag(covariance)
     limits = [np.sqrt(variance * edf / stats.chi2.ppf(q, edf)) for q in (0.975, 0.025)]
     return edf, np.stack(limits, axis=1)
-
-
-def local_slopes(curve: AllanCurve, reach: int = 2) -> np.ndarray:
-    """(T, A) slope d log σ / d log τ, by a straight line over ±`reach` points."""
-    x, y = np.log(curve.tau), np.log(curve.deviation)
-    slopes = np.empty_like(y)
-    for i in range(len(x)):
-        s = slice(max(0, i - reach), i + reach + 1)
-        centred = x[s] - x[s].mean()
-        slopes[i] = centred @ y[s] / (centred @ centred)
-    return slopes
-
-
-def read_off(curve: AllanCurve, low_passes: Sequence[LowPass | None] = ()) -> NoiseEstimate:
-    """Noise terms as work A reads them off the curve: the baseline the fit is compared with.
-
-    A line of the term's slope is laid through the points whose local slope lies within 0.1 of it,
-    weighted by their degrees of freedom, and read at the term's cluster time (N at 1 s, K at 3 s); B
-    is the minimum over 0.664. Cluster times below ten times the inverse of the cut-off are masked
-    (A3). Where terms
-    overlap, each reading holds a share of its neighbours. Intervals hold the statistical error alone.
-    """
-    low_passes = low_passes or (None,) * curve.deviation.shape[1]
-    axes = []
-    columns = zip(curve.deviation.T, local_slopes(curve).T, low_passes, strict=True)
-    for y, slope, low_pass in columns:
-        mask = usable(curve, low_pass, READ_REACH)
-        terms = {}
-        lowest = int(np.argmin(np.where(mask, y, np.inf)))
-        for name, term in TERMS.items():
-            if term.read_at is None:
-                inside = 0 < lowest < len(y) - 1
-                points = np.array([lowest]) if inside else np.array([], dtype=int)
-                level = y / np.sqrt(FLAT)
-            else:
-                side = np.arange(len(y)) < lowest if term.slope < 0 else np.arange(len(y)) > lowest
-                points = np.flatnonzero(mask & side & (np.abs(slope - term.slope) < 0.1))
-                level = y * (curve.tau / term.read_at) ** -term.slope
-            enough = len(points) >= (1 if term.read_at is None else 3)
-            terms[name] = _read(curve, y, level, points) if enough else None
-        axes.append(AxisNoise(terms, {}, (float(curve.tau[mask][0]), float(curve.tau[-1])), None))
-    return NoiseEstimate("read_off", curve.sensor, tuple(axes))
-
-
-def _read(curve: AllanCurve, y, level, points) -> Estimate:
-    tau = curve.tau[points]
-    weight = (1 / tau) / np.sum(1 / tau)  # degrees of freedom fall as 1/τ
-    # The covariance needs a noise type: the curve's own value as white noise at each cluster time.
-    squares = {"random_walk": float(np.median(y[points] ** 2 * tau))}
-    c = variance_covariance(curve.clusters[points], curve.samples, curve.rate, squares)
-    s2 = squares["random_walk"] / tau
-    spread = np.sqrt(weight @ (c / np.outer(s2, s2)) @ weight / 4)
-    value = float(np.exp(weight @ np.log(level[points])))
-    return Estimate(value, value * np.exp(-1.96 * spread), value * np.exp(1.96 * spread))

@@ -243,14 +243,21 @@ def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
         if not isinstance(found := thermal.get(axis), dict):
             continue
         low, high = found["range"]
-        degree = found.get("degree")
+        if jump := found.get("jump"):
+            model = f"jump at {jump['range'][0]:.1f} … {jump['range'][1]:.1f} °C"
+        elif found.get("degree") == 0:
+            model = "none that predicts"
+        else:
+            model = found["model"] + (f", degree {found['degree']}" if "degree" in found else "")
+        check = found.get("rms_check")
         rows.append(
             {
                 "axis": axis,
-                "model": found["model"] + (f", degree {degree}" if degree is not None else ""),
+                "model": model,
                 "range": f"{low:.1f} … {high:.1f} °C",
                 "before": f"{found['rms_before'] / scale:.3g}",
                 "after": f"{found['rms_after'] / scale:.3g}",
+                "check": "–" if check is None else f"{check / scale:.3g}",
                 "unit": label,
             }
         )
