@@ -33,7 +33,12 @@ def plot_recording(recording, axes: Axes | None = None) -> Axes:
     _keep_spikes_out(axes, (recording.values - np.nanmedian(recording.values, axis=0)) / si)
     handles, labels = axes.get_legend_handles_labels()
     order = np.argsort(labels)
-    axes.legend([handles[i] for i in order], [labels[i] for i in order], fontsize=8, ncols=3)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.12 * (high - low))  # room for the legend
+    axes.legend(
+        [handles[i] for i in order], [labels[i] for i in order],
+        loc="upper right", fontsize=8, ncols=3,
+    )  # fmt: skip
     axes.margins(x=0.01)
     grid(axes)
     return axes
