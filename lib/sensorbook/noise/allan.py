@@ -136,9 +136,11 @@ def allan_deviation(
     for i, m in enumerate(clusters):
         part = theta if overlapping else theta[:, ::m]
         n = m if overlapping else 1
-        second = part[:, 2 * n :] - 2 * part[:, n:-n] + part[:, : -2 * n]
-        terms[i] = second.shape[1]
-        deviation[i] = np.sqrt(np.einsum("ij,ij->i", second, second) / (2.0 * terms[i])) / m
+        first = part[:, n:] - part[:, :-n]
+        terms[i] = first.shape[1] - n
+        for axis, row in enumerate(first):
+            second = row[n:] - row[:-n]
+            deviation[i, axis] = np.sqrt(second @ second / (2.0 * terms[i])) / m
     return AllanCurve(
         clusters / rate, clusters, deviation, terms, samples, rate, sensor, overlapping
     )
