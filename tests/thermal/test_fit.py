@@ -104,7 +104,7 @@ def test_pure_noise_is_left_alone(seed):
     np.testing.assert_array_equal(axis.model.change(np.linspace(0, 60, 30)), 0)
     assert axis.rms_after == axis.rms_before
     assert axis.offsets[0] == pytest.approx(5, abs=4 / np.sqrt(BLOCKS))
-    assert axis.change.value == 0
+    assert axis.change is None
 
 
 # ---- jumps ----
@@ -298,3 +298,15 @@ def test_tag_knocks_are_left_out(tag):
     assert sweep.files == ("cycle1.csv.gz", "cycle2.csv.gz")
     assert sweep.span[0] == pytest.approx(4.8, abs=0.3)
     json.dumps(fit.to_results(), allow_nan=False)
+
+
+def test_runs_of_disjoint_temperatures_are_held_out_by_stretches():
+    # A cold run and a hot run: neither can be predicted from the other's temperatures.
+    half = BLOCKS // 2
+    cold = np.concatenate([np.linspace(20, 30, half), np.linspace(30, 20, half)])
+    runs = [(cold + d, 0.02 * (cold + d) + noise([8, d], len(cold), 1e-3)) for d in (0, 15)]
+    axis = fit_thermal(sweep_of(*runs)).axes[0]
+    assert np.isfinite(axis.rms_check)
+    assert axis.model.range == (20.0, 45.0)
+    # 600 blocks of 1e-3 each know the slope over 10 °C to 1.5e-5; ten times that is certain.
+    assert axis.change.value == pytest.approx(0.02 * 25, abs=25 * 1.5e-4)

@@ -229,7 +229,7 @@ def _neighbours(fit: _Fit, names, squares) -> list[tuple[tuple[str, ...], dict[s
     What such a term would take from the others belongs into their intervals.
     """
     found = []
-    for name in ("bias_instability", "rate_random_walk", "rate_ramp"):
+    for name in ("bias_instability", "rate_random_walk"):
         more = (*names, name)
         if name not in names and PRESENT * _strength(fit, more, name, squares) > 1:
             found.append((more, fit.solve(more)))

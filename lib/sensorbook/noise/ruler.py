@@ -45,7 +45,8 @@ def read_off(curve: AllanCurve, low_passes: Sequence[LowPass | None] = ()) -> No
         lowest = int(np.argmin(np.where(mask, y, np.inf)))
         for name, term in TERMS.items():
             if term.read_at is None:
-                inside = 0 < lowest < len(y) - 1
+                # a floor: the curve turns there, and is level
+                inside = 0 < lowest < len(y) - 1 and abs(slope[lowest]) < 0.3
                 points = np.array([lowest]) if inside else np.array([], dtype=int)
                 level = y / np.sqrt(FLAT)
             else:

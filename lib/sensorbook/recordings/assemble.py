@@ -19,6 +19,8 @@ from sensorbook.units import SENSOR_UNITS, factor, to_si
 
 _COLUMNS = {"reference": ("x", "y", "z", "w"), "temperature": ("temperature",)}
 
+ABSURD = 1e30  # in any unit: no reading of a sensor; squares of more overflow
+
 
 def read_recording(declared: Declared, table: Table, labels: Table | None = None) -> Recording:
     """The recording as declared; raises `InputError` with all its problems.
@@ -182,6 +184,9 @@ def _column_fault(column: np.ndarray, sensor: str) -> tuple[str, str] | None:
             f"is constant: every sample is {finite[0]:g}",
             "name the column that holds the samples, or record again with the sensor running",
         )
+    largest = finite[np.argmax(np.abs(finite))]
+    if abs(largest) > ABSURD:
+        return f"reads {largest:g}, which no sensor does", "mend or remove such samples"
     return None
 
 

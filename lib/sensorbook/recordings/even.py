@@ -62,7 +62,7 @@ def evenly_sampled(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
             f"The longest stretch without a gap is used: {start:.6g} s to {end:.6g} s, "
             f"{used} of {len(recording)} samples."
         )
-    _check_enough(recording, used, " ".join(done))
+    _check_enough(recording, used, " ".join(d for d in done if "is used" not in d))
 
     kept = kept[first : last + 1]
     position = np.concatenate(([0], np.cumsum(steps[first:last])))
@@ -94,7 +94,7 @@ def _check_enough(recording: Recording, used: int, done: str) -> None:
         raise Refusal(
             f"{recording.file} has no even time base: only {used} of {len(recording)} samples of the "
             f"{recording.sensor} follow one another without a gap. {done}".rstrip(),
-            "Record without losses, at least 100 samples in one stretch.",
+            "Record again without losses.",
         )
 
 

@@ -45,7 +45,7 @@ class _Problem:
         self.root = np.sqrt(sweep.weight)
         self.offsets = (sweep.run[:, None] == np.arange(len(sweep.files))).astype(float)
         self.stretch = _stretches(sweep)
-        self.fold = sweep.run if len(sweep.files) > 1 else self.stretch
+        self.fold = sweep.run if _overlap(sweep) else self.stretch
 
     def solve(self, form: Form, use=slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (R,) and coefficients (P,)."""
@@ -118,6 +118,18 @@ class _Problem:
         )
 
 
+def _overlap(sweep: Sweep) -> bool:
+    """Whether each of several runs can be held out: the others cover a fifth of it."""
+    runs = range(len(sweep.files))
+    if len(runs) < 2:
+        return False
+    for r in runs:
+        own, others = (sweep.temperature[m] for m in (sweep.run == r, sweep.run != r))
+        if np.mean((own >= others.min()) & (own <= others.max())) < 0.2:
+            return False
+    return True
+
+
 def _stretches(sweep: Sweep) -> np.ndarray:
     """(M,) index of the stretch of time each block belongs to, none across two runs."""
     runs = len(sweep.files)
@@ -174,7 +186,9 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
         rms_before=_rms(problem, _residual(problem, Form(0))),
         rms_after=_rms(problem, residual),
         rms_check=float(np.sqrt(np.nanmean(errors[chosen]))),
-        change=interval(lambda m: np.subtract(*m.bias(np.array([high, low])))),
+        change=interval(lambda m: np.subtract(*m.bias(np.array([high, low]))))
+        if form.size
+        else None,
         jump=jump,
         jump_range=form.jump and tuple(float(j) for j in form.jump),
         candidates=tuple(

@@ -44,7 +44,7 @@ class ThermalAxis:
     std : standard error of each of the model's coefficients (jackknife over stretches of time)
     rms_before, rms_after, rms_check : of the block means about each run's mean, about the model, and
         about a model fitted without them
-    change : across the calibrated range, highest minus lowest temperature
+    change : across the calibrated range, highest minus lowest temperature; None for a constant
     jump : its size; None where there is none
     jump_range : °C
     candidates : every form tried; `polynomials` holds work A's degrees 1, 3 and 5 as models
@@ -61,7 +61,7 @@ class ThermalAxis:
     rms_before: float
     rms_after: float
     rms_check: float
-    change: Interval
+    change: Interval | None
     jump: Interval | None
     jump_range: tuple[float, float] | None
     candidates: tuple[Candidate, ...]
@@ -103,7 +103,7 @@ class ThermalFit:
                 "rms_before": a.rms_before,
                 "rms_after": a.rms_after,
                 "rms_check": a.rms_check,
-                "change": a.change.to_results(unit),
+                "change": a.change and a.change.to_results(unit),
                 "jump": a.jump and a.jump.to_results(unit) | {"range": list(a.jump_range)},
                 "candidates": [vars(c) for c in a.candidates],
                 "runs": [
@@ -124,7 +124,7 @@ class ThermalFit:
             place = a.jump_range and f" at {a.jump_range[0]:.1f} … {a.jump_range[1]:.1f} °C"
             rows[name] = {
                 "model": f"jump{place}" if a.jump else f"degree {a.model.to_results()['degree']}",
-                f"change [{label}]": _shown(a.change, si),
+                f"change [{label}]": _shown(a.change, si) if a.change else "none modelled",
                 f"jump [{label}]": _shown(a.jump, si) if a.jump else "none",
                 "rms before": f"{a.rms_before / si:.3g}",
                 "after": f"{a.rms_after / si:.3g}",
