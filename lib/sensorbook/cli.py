@@ -154,9 +154,15 @@ def _parser() -> argparse.ArgumentParser:
         "sensorbook simulate data/demo --seed 1",
     )
     simulate.add_argument("folder", metavar="DIR", help="folder to write")
-    simulate.add_argument("--seed", type=int, default=1, metavar="N", help="default: 1")
+    simulate.add_argument("--seed", type=_seed, default=1, metavar="N", help="default: 1")
     simulate.add_argument("--preset", default="ahrs", metavar="NAME", help="default: ahrs")
     return parser
+
+
+def _seed(text: str) -> int:
+    if not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0")
+    return int(text)
 
 
 def _count(text: str) -> int:

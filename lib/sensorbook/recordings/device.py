@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import tomllib
 from collections.abc import Iterable
@@ -185,7 +186,7 @@ class Device:
     def _read_file(self, declared: Declared) -> dict[int, Recording | Images | InputError]:
         """Reads all recordings of one file at one go: it is opened and parsed once."""
         if declared.problems:
-            return {declared.number: InputError(*declared.problems)}
+            return {declared.number: InputError(*declared.problems, *self._in_its_file(declared))}
         if declared.sensor == "camera":
             return {declared.number: _attempt(read_images, declared, self.path)}
 
@@ -198,6 +199,21 @@ class Device:
         if isinstance(table, InputError):
             return dict.fromkeys((d.number for d in together), table)
         return {d.number: _attempt(self._recording, d, table) for d in together}
+
+    def _in_its_file(self, declared: Declared) -> tuple[Problem, ...]:
+        """What is wrong with the file, too, where a recording's unit or scale is all that hides it."""
+        said = {
+            p.where.removeprefix(f"{declared.label}: ").split(".")[0] for p in declared.problems
+        }
+        if declared.sensor not in SENSOR_UNITS or not said <= {"unit", "scale"}:
+            return ()
+        table = {k: v for k, v in declared.table.items() if k != "scale"}
+        table["unit"] = SENSOR_UNITS[declared.sensor]
+        stand_in = dataclasses.replace(declared, table=table, problems=())
+        read = _attempt(self._open_table, stand_in, list(table["columns"].values()))
+        if not isinstance(read, InputError):
+            read = _attempt(self._recording, stand_in, read)
+        return read.problems if isinstance(read, InputError) else ()
 
     def _open_table(self, declared: Declared, wanted) -> Table:
         path = resolve(self.path, declared.file, f"{declared.label}: file")
