@@ -158,6 +158,7 @@ def _fit_axis(curve: AllanCurve, variance: np.ndarray, low_pass: LowPass | None)
             again, missed = _misfit(fit, names, squares)
         # A curve that is known to hold something else is not known to the last digit elsewhere.
         fit.missed = np.maximum(fit.missed, MISFIT_SIZE / 2)
+        squares = _settle(fit, names)
     settled = [(names, squares), *_neighbours(fit, names, squares)]
     terms, bounds = {}, {}
     for name in NAMES:
