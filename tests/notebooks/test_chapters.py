@@ -12,6 +12,7 @@ import nbclient
 import nbformat
 import numpy as np
 import pytest
+from browser import CHROMIUM, Opened
 from devices import render, rest, sweep, write
 
 from sensorbook.reporting import chapters
@@ -257,6 +258,11 @@ def test_short_rest_is_refused(tmp_path):
 def test_real_device_goes_through(name, real_data, tmp_path):
     report = render(real_data / name, tmp_path / "reports")
     assert report.code == 0, report.said
+    pages = [*tmp_path.joinpath("reports").rglob("*.html")]
+    assert len(pages) == 2 + len(report.results["chapters"])
+    for page in pages if CHROMIUM else ():  # tests/test_browser.py says where there is none
+        opened = Opened(page, tmp_path)
+        assert (opened.console, opened.requests) == ([], set()), page
     assert {c["status"] for c in report.results["chapters"]} == {"complete"}
     if name == "adis16405-1":
         allan = report.results["sensors"]["gyroscope"]["allan"]

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import linalg, ndimage, optimize, stats
 
+from sensorbook.estimate import Estimate
 from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.model import TERMS
-from sensorbook.noise.result import AxisNoise, Estimate, Misfit, NoiseEstimate
+from sensorbook.noise.result import AxisNoise, Misfit, NoiseEstimate
 from sensorbook.noise.spectrum import LowPass
 
 # A term is stated where its estimate exceeds this many standard errors of what chance shows without it.

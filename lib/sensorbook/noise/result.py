@@ -8,16 +8,8 @@ import numpy as np
 import pandas as pd
 
 from sensorbook import units
+from sensorbook.estimate import Estimate
 from sensorbook.noise.model import TERMS, NoiseTerms
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A coefficient with its 95 % confidence interval, SI."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -121,22 +113,15 @@ def _cell(estimate: Estimate | None, bound: float | None, si: float) -> str:
 def _axis_results(axis: AxisNoise, sensor: str) -> dict:
     result: dict = {}
     for name, e in axis.terms.items():
-        result[name] = _entry(e, units.si_unit(sensor, name))
+        result[name] = e and e.to_results(units.si_unit(sensor, name))
         if name == "random_walk":
             twin = Estimate(*(np.sqrt(2) * np.array([e.value, e.low, e.high]))) if e else None
-            result["noise_density"] = _entry(twin, units.si_unit(sensor, "noise_density"))
+            result["noise_density"] = twin and twin.to_results(
+                units.si_unit(sensor, "noise_density")
+            )
     if axis.upper_bounds:
         result["upper_bounds"] = {k: float(v) for k, v in axis.upper_bounds.items()}
     if axis.misfit:
         m = axis.misfit
         result["misfit"] = {"tau_range": list(m.tau_range), "tau": m.tau, "size": m.size}
     return result
-
-
-def _entry(e: Estimate | None, unit: str) -> dict | None:
-    return e and {
-        "value": float(e.value),
-        "low": float(e.low),
-        "high": float(e.high),
-        "unit": unit,
-    }

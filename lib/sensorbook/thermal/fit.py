@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from sensorbook.estimate import Estimate
 from sensorbook.thermal.model import Form, ThermalModel
-from sensorbook.thermal.result import Candidate, Interval, ThermalAxis, ThermalFit
+from sensorbook.thermal.result import Candidate, ThermalAxis, ThermalFit
 from sensorbook.thermal.sweep import Sweep
 
 DEGREES = range(6)
@@ -159,10 +160,10 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
     grid = np.linspace(*sweep.span, 51)
     low, high = sweep.span
 
-    def interval(quantity) -> Interval:
+    def interval(quantity) -> Estimate:
         value = float(quantity(model))
         half = t * float(_spread([quantity(m) for m in refits]))
-        return Interval(value, value - half, value + half)
+        return Estimate(value, value - half, value + half)
 
     jump = form.jump and interval(ThermalModel.jump)
     if jump:
@@ -173,7 +174,7 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
         )
         shape = abs(_model(problem, wider, sweep.span, reference).jump() - jump.value)
         half = float(np.hypot(jump.high - jump.value, shape))
-        jump = Interval(jump.value, jump.value - half, jump.value + half)
+        jump = Estimate(jump.value, jump.value - half, jump.value + half)
     return ThermalAxis(
         model=model,
         offsets=tuple(

@@ -8,19 +8,8 @@ import numpy as np
 import pandas as pd
 
 from sensorbook import units
+from sensorbook.estimate import Estimate
 from sensorbook.thermal.model import ThermalModel
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A value with its 95 % confidence interval, SI."""
-
-    value: float
-    low: float
-    high: float
-
-    def to_results(self, unit: str) -> dict:
-        return {"value": self.value, "low": self.low, "high": self.high, "unit": unit}
 
 
 @dataclass(frozen=True)
@@ -61,8 +50,8 @@ class ThermalAxis:
     rms_before: float
     rms_after: float
     rms_check: float
-    change: Interval | None
-    jump: Interval | None
+    change: Estimate | None
+    jump: Estimate | None
     jump_range: tuple[float, float] | None
     candidates: tuple[Candidate, ...]
     polynomials: dict[int, ThermalModel]
@@ -136,5 +125,5 @@ class ThermalFit:
         return self.to_frame().to_html()
 
 
-def _shown(interval: Interval, si: float) -> str:
+def _shown(interval: Estimate, si: float) -> str:
     return f"{interval.value / si:.3g} ({interval.low / si:.3g} … {interval.high / si:.3g})"
