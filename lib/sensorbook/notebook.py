@@ -77,6 +77,39 @@ def load(folder: str, sensor: str, kind: str) -> tuple[sensorbook.Device, tuple]
     return device, runs
 
 
+def load_rests(folder: str, sensor: str, thermal_record: str) -> tuple[sensorbook.Device, tuple]:
+    """The device and its rests made ready for an analysis of their noise, longest first.
+
+    Each is on an even time base and less the bias's change with temperature, where the record of the
+    thermal chapter (a path, or "") has a model. What was done is said, what is odd is warned of.
+    """
+    from sensorbook.apply import remove_thermal
+
+    source, runs = load(folder, sensor, "static")
+    record_ = read_record(thermal_record) or {}
+    thermal = record_.get("results", {}).get("thermal")
+    if record_.get("status") == "refused":
+        thermal = {"reason": record_["reason"]}
+    ready = []
+    for run in runs:
+        even, done = run.evenly_sampled()
+        for sentence in done:
+            warn(sentence, run.file)
+        rest, sentence, warning = remove_thermal(even, thermal)
+        if not ready:
+            say("{text}", text=sentence)
+        if warning:
+            warn(warning, run.file)
+        if even.temperature is not None and not thermal and even.temperature.std() > 0.5:
+            warn(
+                f"The temperature moves by {even.temperature.std():.1f} °C rms in this rest: slow noise "
+                "may be thermal.",
+                run.file,
+            )
+        ready.append(rest)
+    return source, tuple(ready)
+
+
 def say(template: str, **values: Any) -> None:
     """Shows a sentence in Markdown.
 
