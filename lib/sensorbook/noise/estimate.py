@@ -12,7 +12,7 @@ from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, Misfit, NoiseEstimate
-from sensorbook.noise.spectrum import LowPass
+from sensorbook.noise.lowpass import LowPass
 
 # A term is stated where its estimate exceeds this many standard errors of what chance shows without it.
 # Estimates at long cluster times are skewed: of 4900 simulated records without K, 21 state it; ramps and

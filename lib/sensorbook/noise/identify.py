@@ -10,7 +10,7 @@ from sensorbook.estimate import Estimate
 from sensorbook.noise.allan import AllanCurve, allan_deviation
 from sensorbook.noise.estimate import fit_terms
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
-from sensorbook.noise.spectrum import LowPass, find_low_pass
+from sensorbook.noise.lowpass import LowPass, find_low_pass
 
 LEAST_EDF = 10.0  # a deviation with fewer degrees of freedom is uncertain by more than a quarter
 

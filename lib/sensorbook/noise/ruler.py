@@ -12,7 +12,7 @@ from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.estimate import usable
 from sensorbook.noise.model import FLAT, TERMS
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
-from sensorbook.noise.spectrum import LowPass
+from sensorbook.noise.lowpass import LowPass
 
 READ_REACH = 10.0  # shortest cluster time, in units of the low-pass's 1/f_c (A3: τ ≫ 1/f_c)
 

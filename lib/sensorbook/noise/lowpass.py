@@ -1,4 +1,4 @@
-"""Spectra of a rest; for now what the Allan chapter needs of them: the sensor's low-pass."""
+"""The low-pass that a rest has been through, found in its spectrum (A 5.12, A3)."""
 
 from __future__ import annotations
 
