@@ -99,6 +99,25 @@ def _simulate(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _export(arguments: argparse.Namespace) -> int:
+    from sensorbook.export import FORMATS, export, write
+
+    if arguments.format not in FORMATS:
+        print(
+            f"sensorbook export: --format: no format {arguments.format!r};"
+            f" choose from {', '.join(FORMATS)}",
+            file=sys.stderr,
+        )
+        return 2
+    text = export(arguments.results, arguments.format)
+    if arguments.output is None:
+        print(text, end="", flush=True)
+    else:
+        write(arguments.output, text, arguments.results)
+        print(f"{arguments.output}: written")
+    return 0
+
+
 def _parser() -> argparse.ArgumentParser:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -156,6 +175,23 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument("folder", metavar="DIR", help="folder to write")
     simulate.add_argument("--seed", type=_seed, default=1, metavar="N", help="default: 1")
     simulate.add_argument("--preset", default="ahrs", metavar="NAME", help="default: ahrs")
+
+    export = command(
+        "export",
+        _export,
+        "write a device's results for another system",
+        "sensorbook export reports/imu-7/results.json --format kalibr -o imu.yaml",
+    )
+    export.add_argument("results", metavar="RESULTS.json", help="results.json of a report")
+    export.add_argument(
+        "--format",
+        required=True,
+        metavar="NAME",
+        help="kalibr: imu.yaml of both inertial sensors; allan-csv: the Allan curves as a table",
+    )
+    export.add_argument(
+        "-o", "--output", metavar="FILE", help="file to write; default: standard output"
+    )
     return parser
 
 

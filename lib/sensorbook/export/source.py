@@ -1,0 +1,87 @@
+"""results.json as a source of exports: each value knows its place, so that an error can name it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sensorbook.errors import InputError, Problem
+from sensorbook.recordings.checks import finite, shown
+
+AGAIN = "render it again with: sensorbook report"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A value of a results.json.
+
+    Attributes
+    ----------
+    file : the file, as the user named it
+    key : path to the value, such as "sensors.gyroscope.noise"; empty for the whole
+    value : as JSON gives it; None where a result says null
+    """
+
+    file: str
+    key: str
+    value: Any
+
+    def at(self, *names: str, mend: str = AGAIN) -> Entry:
+        """The entry below; raises `InputError` where one of the names is missing, with `mend`."""
+        found = self
+        for name in names:
+            below = found.get(name)
+            if not found.value or name not in found.value:
+                raise below.wrong("is missing", mend)
+            found = below
+        return found
+
+    def get(self, name: str) -> Entry:
+        """The entry of this name, null where it is missing."""
+        if not isinstance(self.value, dict | None):
+            raise self.wrong(f"{shown(self.value)} is not an object")
+        key = f"{self.key}.{name}" if self.key else name
+        return Entry(self.file, key, (self.value or {}).get(name))
+
+    def items(self) -> list[Entry]:
+        """The entries of a list."""
+        if not isinstance(self.value, list):
+            raise self.wrong(f"{shown(self.value)} is not a list")
+        return [Entry(self.file, f"{self.key}[{i}]", v) for i, v in enumerate(self.value)]
+
+    def magnitude(self) -> float:
+        """A finite number that is not negative, as all of a noise analysis are."""
+        if not finite(self.value) or self.value < 0:
+            raise self.wrong(f"{shown(self.value)} is not a finite number from 0")
+        return float(self.value)
+
+    def text(self) -> str:
+        if not isinstance(self.value, str):
+            raise self.wrong(f"{shown(self.value)} is not text")
+        return self.value
+
+    def wrong(self, message: str, mend: str = AGAIN) -> InputError:
+        """What to raise where this entry cannot serve."""
+        return InputError(Problem(self.file, self.key, message, mend))
+
+
+def read_results(path: str | Path) -> Entry:
+    """The results in a file; raises `InputError` where it is not a results.json of this version."""
+    whole = Entry(str(path), "", None)
+    named = "name the results.json of a device's report"
+    try:
+        value = json.loads(Path(path).read_bytes())
+    except OSError as error:
+        raise whole.wrong(f"cannot be read: {error.strerror}", named) from None
+    except (ValueError, RecursionError) as error:  # JSONDecodeError and UnicodeDecodeError, too
+        reason = str(error) if isinstance(error, ValueError) else "nested too deep"
+        raise whole.wrong(f"is not valid JSON: {reason}", named) from None
+    if not isinstance(value, dict):
+        raise whole.wrong("holds no object", named)
+    results = Entry(str(path), "", value)
+    schema = results.at("schema", mend=named)
+    if type(schema.value) is not int or schema.value != 1:
+        raise schema.wrong(f"{shown(schema.value)} is not a version this sensorbook reads")
+    return results
