@@ -3,91 +3,147 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
-from scipy import fft, ndimage, optimize
+from scipy import ndimage, optimize
 
+from sensorbook.noise.cosine import CosineSpectrum, cosine_spectrum
 from sensorbook.noise.model import variance_from_spectrum
 
-BIN_LINES = (
-    400  # lines averaged into one point: their mean is normal to better than a tenth of its spread
-)
-
-
-LINE = 1.5  # times its neighbours' median; chance reaches 1.25
+SMOOTH = 15  # bins of a hundredth of their frequency: the floor is looked for over some 15 %
+FEWEST = 4  # lines in a bin whose mean tells where the floor ends
+LINE = 1.5  # times its neighbours' median is a periodic component
+EXPONENTS = (1, 2, 3, 4, 6, 8)  # of u in the shape; steep filters need the high ones
+COEFFICIENT = 8.0  # deviance that a further coefficient of the shape must save
+CLAIM = 25.0  # deviance that a low-pass must save against none: e¹² in likelihood
 
 
 @dataclass(frozen=True)
 class LowPass:
-    """The low-pass a record has been through, as far as the Allan deviation feels it.
+    """The low-pass a record has been through: ``|H(f)|² = 1/(1 + Σ a uᵏ)``, u = (f/scale)².
 
     Attributes
     ----------
     cutoff : frequency at which the white floor has fallen to half its power, Hz
     correlation_time : t_c of ``σ²(τ) = N²/τ · (1 − t_c/τ)``, valid for τ well above 1/cutoff, s
     std : its standard error, s
+    scale : of u, Hz
+    coefficients : a by exponent k, those that the spectrum asks for
     """
 
     cutoff: float
     correlation_time: float
     std: float
+    scale: float
+    coefficients: dict[int, float]
+
+    def power(self, f: np.ndarray) -> np.ndarray:
+        """|H(f)|²; `f` in Hz, up to the cut-off and a little beyond."""
+        return _shape(self.coefficients, self.coefficients.values(), f, self.scale)
+
+    def derivatives(self, f: np.ndarray) -> np.ndarray:
+        """(F, k) derivatives of |H|² by the coefficients."""
+        u, power = (np.asarray(f) / self.scale) ** 2, self.power(f)
+        return np.stack([-(power**2) * u**k for k in self.coefficients], axis=-1)
 
 
 def find_low_pass(values: np.ndarray, rate: float) -> LowPass | None:
     """The low-pass that shapes the white floor, None where the floor reaches the Nyquist frequency.
 
-    The averaged periodogram is fitted with an all-pole shape (A 5.12)
-    ``N²/(1 + a₁u + a₂u² + a₃u³ + a₄u⁴) + b/f``, u = (f/f_c)², whose half-power point is the cut-off and
-    from which t_c follows by quadrature (A 5.14). Spectral lines are left out.
-
     Parameters
     ----------
     values : (N,) evenly sampled signal at rest
     rate : Hz
-
-    The floor is first taken between 2 % and 10 % of the Nyquist frequency: a cut-off below that is
-    not found.
     """
-    power = np.abs(fft.rfft(values - np.mean(values))[1:]) ** 2 / (len(values) * rate)
-    lines = min(BIN_LINES, len(power) // 64)
-    if lines < 8:
+    spectrum = cosine_spectrum(values, rate)
+    return low_pass_of(spectrum, 0, np.ones(len(spectrum.lines), dtype=bool))
+
+
+def low_pass_of(spectrum: CosineSpectrum, axis: int, used: np.ndarray) -> LowPass | None:
+    """See `find_low_pass`; `used` (F,) leaves bins with periodic components out.
+
+    The spectrum up to a little beyond its edge is fitted by maximum likelihood with
+    ``N²|H|² + b/f + k/f²`` for every choice of the shape's coefficients; each of these must earn its
+    keep. t_c follows by quadrature (A 5.14).
+    """
+    nyquist = spectrum.rate / 2
+    used = used & (spectrum.lines >= FEWEST) & (spectrum.frequency < 0.98 * nyquist)
+    f, p, lines = spectrum.frequency[used], spectrum.density[used, axis], spectrum.lines[used]
+    if len(f) < 4 * SMOOTH:
         return None
-    bins = len(power) // lines
-    p = power[: bins * lines].reshape(bins, lines).mean(axis=1)
-    f = (np.arange(bins) + 0.5) * lines * rate / len(values)
-    nyquist = rate / 2
-    floor = np.median(p[(f >= 0.02 * nyquist) & (f <= 0.1 * nyquist)])
-    smooth = ndimage.median_filter(p, 9, mode="nearest")
-    edge = f[np.flatnonzero(smooth > 0.5 * floor)[-1]]
-    if edge > 0.9 * nyquist:
+    smooth = np.exp(ndimage.median_filter(np.log(p), SMOOTH, mode="nearest"))
+    edge = _edge(f, smooth, nyquist)
+    if edge is None:
         return None
     # Further up a digital filter bends away from any all-pole shape, towards its zero at Nyquist.
-    inside = (f > edge / 20) & (f < min(1.3 * edge, 0.98 * nyquist)) & (p < LINE * smooth)
+    inside = (f > edge / 30) & (f < 1.3 * edge) & (p < LINE * smooth)
+    f, p, lines = f[inside], p[inside], lines[inside]
+    floor = float(np.median(smooth[inside][: len(f) // 2]))
+    _, none = _fit(f, p, lines, floor, edge, ())
+    choices = [c for count in (1, 2) for c in combinations(EXPONENTS, count)] + [(1, 2, 3, 4)]
+    fits = {c: _fit(f, p, lines, floor, edge, c) for c in choices}
+    chosen = min(fits, key=lambda c: fits[c][1] + COEFFICIENT * len(c))
+    fit, deviance = fits[chosen]
+    if none - deviance < CLAIM:
+        return None
 
-    def floor_shape(a, at):
-        u = (at / edge) ** 2
-        return 1 / (1 + u * (a[0] + u * (a[1] + u * (a[2] + u * a[3]))))
-
-    def residual(x):
-        model = x[0] * floor * floor_shape(x[2:], f[inside]) + x[1] * floor * edge / f[inside]
-        return (p[inside] / model - 1) * np.sqrt(lines)
-
-    fit = optimize.least_squares(
-        residual,
-        [1.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-        bounds=([0.1, 0, -1, -1, -1, -1], [10, 1, 10, 10, 10, 10]),
-    )
+    found = fit.x[3:]
     fine = np.linspace(0, 2 * edge, 2001)
-    below = floor_shape(fit.x[2:], fine) < 0.5
-    cutoff = fine[np.argmax(below)] if below.any() else edge
+    below = _shape(chosen, found, fine, edge) < 0.5
+    cutoff = float(fine[np.argmax(below)] if below.any() else edge)
     tau = 40 / cutoff
 
     def correlation_time(a):
-        shape = lambda at: floor_shape(a, np.minimum(at, nyquist))  # noqa: E731
-        return tau * (1 - tau * variance_from_spectrum(shape, tau, 1 / rate, points=20_000))
+        shape = lambda at: _shape(chosen, a, np.minimum(at, nyquist), edge)  # noqa: E731
+        return tau * (1 - tau * variance_from_spectrum(shape, tau, 1 / spectrum.rate, points=20_000))
 
-    found = correlation_time(fit.x[2:])
-    step = 1e-4
-    slope = np.array([correlation_time(fit.x[2:] + step * e) - found for e in np.eye(4)]) / step
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac)[2:, 2:]
-    return LowPass(float(cutoff), float(found), float(np.sqrt(slope @ covariance @ slope)))
+    t_c, step = correlation_time(found), 1e-4
+    slope = [(correlation_time(found + step * e) - t_c) / step for e in np.eye(len(found))]
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac)[3:, 3:]
+    std = float(np.sqrt(np.array(slope) @ covariance @ slope))
+    shape = dict(zip(chosen, map(float, found), strict=True))
+    return LowPass(cutoff, float(t_c), std, edge, shape)
+
+
+def _edge(f: np.ndarray, smooth: np.ndarray, nyquist: float) -> float | None:
+    """Where the floor has fallen to half, None where it does not; the floor is looked for below it."""
+    low, high, edge = 0.02 * nyquist, 0.1 * nyquist, None
+    for _ in range(8):
+        level = smooth[(f >= low) & (f <= high)]
+        if len(level) < 5:
+            return None
+        found = float(f[np.flatnonzero(smooth > 0.5 * np.median(level))[-1]])
+        if found > 0.9 * nyquist:
+            return None
+        if found == edge:
+            break
+        edge = found
+        low, high = edge / 10, edge / 3
+    return edge
+
+
+def _shape(exponents, coefficients, f, scale: float) -> np.ndarray:
+    u = (np.asarray(f) / scale) ** 2
+    return 1 / (1 + sum(a * u**k for k, a in zip(exponents, coefficients, strict=True)))
+
+
+def _fit(f, p, lines, floor: float, edge: float, chosen: tuple[int, ...]):
+    """Maximum likelihood: its squared residuals add up to the deviance."""
+    u = (f / edge) ** 2
+    powers = np.stack([u**k for k in chosen]) if chosen else np.zeros((1, len(f)))
+
+    def residual(x):
+        model = x[0] / np.maximum(1 + x[3:] @ powers if chosen else 1.0, 1e-3)
+        ratio = p / (floor * (model + x[1] * edge / f + x[2] / u))
+        return np.sign(ratio - 1) * np.sqrt(lines * np.maximum(ratio - 1 - np.log(ratio), 0))
+
+    first = np.zeros(len(chosen))
+    first[-1:] = 1.0
+    fit = optimize.least_squares(
+        residual,
+        [1.0, 1e-6, 1e-9, *first],
+        bounds=([0.05, 0, 0, *[-1] * len(chosen)], [20, 10, 1, *[10] * len(chosen)]),
+        x_scale=[1, 0.01, 1e-3, *[0.1] * len(chosen)],
+    )
+    return fit, 2 * fit.cost
