@@ -10,6 +10,8 @@ import pandas as pd
 from sensorbook.errors import Refusal
 
 MINIMUM_SAMPLES = 1000  # below, not even three octaves of cluster times have an error under 20 %
+EXACT_UP_TO = 2**17  # samples; beyond, start points are thinned unless asked otherwise
+BLOCK = 2**15  # samples; with its differences a block stays within 1 MiB of second-level cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +27,7 @@ class AllanCurve:
     samples : length N of the record
     rate : sampling rate, Hz
     sensor : name of the sensor, for field units; may be empty
-    overlapping : whether every start sample was used
+    overlapping : False for the classical estimator, whose clusters follow one another
     """
 
     tau: np.ndarray
@@ -67,6 +69,99 @@ def cluster_sizes(samples: int, rate: float, per_octave: int = 4) -> np.ndarray:
     return m[(m >= 1) & (m <= longest)]
 
 
+def chosen_clusters(
+    clusters: np.ndarray | None, samples: int, rate: float, span: int = 2
+) -> np.ndarray:
+    """(T,) cluster sizes asked for, or `cluster_sizes`, of which `span` must fit into the record.
+
+    Raises
+    ------
+    Refusal
+        fewer than 1000 samples where the cluster sizes are left to the function
+    ValueError
+        a cluster size below 1 or above N/span
+    """
+    if clusters is None:
+        if samples < MINIMUM_SAMPLES:
+            raise Refusal(
+                f"The record has {samples} samples; the Allan deviation needs at least "
+                f"{MINIMUM_SAMPLES}.",
+                "Record a rest of one hour or more.",
+            )
+        clusters = cluster_sizes(samples, rate)
+    clusters = np.asarray(clusters, dtype=np.int64)
+    bad = clusters[(clusters < 1) | (span * clusters > samples)]
+    if bad.size:
+        raise ValueError(
+            f"cluster size {bad[0]} is outside 1 … {samples // span}: "
+            f"{('two', 'three')[span - 2]} clusters must fit into the record of {samples} samples"
+        )
+    return clusters
+
+
+def thinned(clusters: np.ndarray) -> np.ndarray:
+    """(T,) distance of start points: the largest power of two up to m/16, or 1.
+
+    Neighbouring second differences overlap so far that the rest add at most 0.5 % of information for
+    white noise, less for flicker noise and random walk.
+    """
+    return 2 ** np.floor(np.log2(np.maximum(clusters / 16, 1))).astype(np.int64)
+
+
+def squared_differences(
+    theta: np.ndarray, clusters: np.ndarray, strides: np.ndarray, stop: int | None = None
+) -> np.ndarray:
+    """(T,) sums of the squared second differences of `theta` (P,) at lags `clusters`.
+
+    Start points are 0, s, 2s … below `stop`, as far as two clusters reach. Cluster sizes of one
+    stride take turns on each block of samples while it is in the cache.
+    """
+    sums = np.zeros(len(clusters))
+    ends = len(theta) - 2 * clusters
+    ends = ends if stop is None else np.minimum(ends, stop)
+    for stride in np.unique(strides).tolist():
+        members = [(i, int(clusters[i]), int(ends[i])) for i in np.flatnonzero(strides == stride)]
+        count = max(BLOCK // stride, BLOCK // 8)  # fewer would cost more in calls than in sums
+        buffer = np.empty(count)
+        for first in range(0, max(end for _, _, end in members), count * stride):
+            for i, m, end in members:
+                last = min(first + count * stride, end)
+                if last <= first:
+                    continue
+                middle = theta[first + m : last + m : stride]
+                second = buffer[: len(middle)]
+                np.subtract(theta[first + 2 * m : last + 2 * m : stride], middle, out=second)
+                np.subtract(second, middle, out=second)
+                np.add(second, theta[first:last:stride], out=second)
+                sums[i] += second @ second
+    return sums
+
+
+def integrate(column: np.ndarray, mean: float, theta: np.ndarray) -> None:
+    """Continue the running integral: θ_{k+1} = θ_k + column_k − mean from the known ``theta[0]`` on.
+
+    The sum of any type of number is in double precision, converted a block at a time.
+    """
+    for i in range(0, len(column), BLOCK):
+        part = theta[1 + i : 1 + min(i + BLOCK, len(column))]
+        np.subtract(column[i : i + BLOCK], mean, out=part, dtype=float)
+        part[0] += theta[i]
+        np.cumsum(part, out=part)
+
+
+def check_finite(values: np.ndarray, before: int = 0) -> None:
+    """ValueError that names the first sample of `values` (N, A) that is not finite.
+
+    `before` samples precede them in the record.
+    """
+    rows = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if rows.size:
+        raise ValueError(
+            "the signal holds samples that are not finite; bridge or cut them first "
+            f"(the first is sample {before + rows[0]})"
+        )
+
+
 def allan_deviation(
     values: np.ndarray,
     rate: float,
@@ -74,6 +169,7 @@ def allan_deviation(
     *,
     overlapping: bool = True,
     phase: bool = False,
+    exact: bool | None = None,
     sensor: str = "",
 ) -> AllanCurve:
     """Allan deviation of an evenly sampled signal.
@@ -81,12 +177,21 @@ def allan_deviation(
     ``σ²(τ) = 1/(2 m² δt² (N−2m+1)) Σ (θ_{k+2m} − 2θ_{k+m} + θ_k)²`` with θ the running integral of
     the signal, over every start sample (overlapping, the default) or over every m-th one.
 
+    Long records are thinned: from m = 32 on every s-th start sample is used, s the largest power of two
+    up to m/16, and `terms` counts those. That costs at most 0.5 % of the estimator's variance where
+    white noise governs and less under flicker noise and random walk; where quantisation alone
+    governs, as it does only at the shortest cluster times, an estimate loses a factor s.
+
+    Memory beyond the input is one running integral in double precision, whatever the type and the
+    number of axes. `allan_stream` is for records that do not fit into memory.
+
     Parameters
     ----------
-    values : (N,) or (N, A) rate signal; with `phase` its integral, N + 1 samples
+    values : (N,) or (N, A) rate signal, of any real type; with `phase` its integral, N + 1 samples
     rate : Hz
     clusters : cluster sizes m in samples; `cluster_sizes` where None
     overlapping : False gives the classical, non-overlapping estimator
+    exact : every start sample (True) or thinned (False); None: exact up to 2¹⁷ samples
 
     Raises
     ------
@@ -104,43 +209,30 @@ def allan_deviation(
     >>> abs(curve.at(1.0)[0] / 0.01 - 1) < 0.05
     np.True_
     """
-    values = np.asarray(values, dtype=float)
+    values = np.asarray(values)
     values = values[:, None] if values.ndim == 1 else values
-    if not np.isfinite(values).all():
-        raise ValueError("the signal holds samples that are not finite; bridge or cut them first")
     samples = len(values) - 1 if phase else len(values)
-    if clusters is None:
-        if samples < MINIMUM_SAMPLES:
-            raise Refusal(
-                f"The record has {samples} samples; the Allan deviation needs at least "
-                f"{MINIMUM_SAMPLES}.",
-                "Record a rest of one hour or more.",
-            )
-        clusters = cluster_sizes(samples, rate)
-    clusters = np.asarray(clusters, dtype=np.int64)
-    bad = clusters[(clusters < 1) | (2 * clusters > samples)]
-    if bad.size:
-        raise ValueError(
-            f"cluster size {bad[0]} is outside 1 … {samples // 2}: two clusters must fit into "
-            f"the record of {samples} samples"
-        )
-    if phase:
-        theta = values * rate  # so that second differences count in samples
+    clusters = chosen_clusters(clusters, samples, rate)
+    means = values.mean(axis=0, dtype=float)
+    if not np.isfinite(means).all():
+        check_finite(values)
+    if not overlapping:
+        strides = clusters
+    elif exact or (exact is None and samples <= EXACT_UP_TO):
+        strides = np.ones_like(clusters)
     else:
-        theta = np.zeros((samples + 1, values.shape[1]))
-        # Without the mean the running sum stays small and keeps its digits.
-        np.cumsum(values - values.mean(axis=0), axis=0, out=theta[1:])
-    theta = np.ascontiguousarray(theta.T)
-    deviation = np.empty((len(clusters), values.shape[1]))
-    terms = np.empty(len(clusters), dtype=np.int64)
-    for i, m in enumerate(clusters):
-        part = theta if overlapping else theta[:, ::m]
-        n = m if overlapping else 1
-        first = part[:, n:] - part[:, :-n]
-        terms[i] = first.shape[1] - n
-        for axis, row in enumerate(first):
-            second = row[n:] - row[:-n]
-            deviation[i, axis] = np.sqrt(second @ second / (2.0 * terms[i])) / m
+        strides = thinned(clusters)
+    theta = np.zeros(samples + 1)  # of one axis after the other
+    sums = np.empty((len(clusters), values.shape[1]))
+    for axis, column in enumerate(values.T):
+        if phase:
+            np.multiply(column, rate, out=theta, dtype=float)  # differences count in samples
+        else:
+            # Without the mean the running sum stays small and keeps its digits.
+            integrate(column, means[axis], theta)
+        sums[:, axis] = squared_differences(theta, clusters, strides)
+    terms = (samples - 2 * clusters) // strides + 1
+    deviation = np.sqrt(sums / (2.0 * terms[:, None])) / clusters[:, None]
     return AllanCurve(
         clusters / rate, clusters, deviation, terms, samples, rate, sensor, overlapping
     )
