@@ -12,13 +12,14 @@ from pathlib import Path
 import pytest
 
 from sensorbook import cli
+from sensorbook.export import FORMATS
 from sensorbook.reporting import chapters, execute, run
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from throwaway import chapter, write_device, write_notebook
 
 
-@pytest.mark.parametrize("command", [(), ("report",), ("check",), ("simulate",)])
+@pytest.mark.parametrize("command", [(), ("report",), ("check",), ("simulate",), ("export",)])
 def test_every_help_has_an_example(command, capsys):
     assert cli.main([*command, "--help"]) == 0
     shown = capsys.readouterr().out
@@ -39,6 +40,8 @@ def test_the_version_is_told(capsys):
         ("report", "x", "--jobs", "0"),
         ("report", "x", "--jobs", "two"),
         ("simulate", "x", "--seed", "one"),
+        ("export",),
+        ("export", "results.json"),
     ],
 )
 def test_wrong_usage_is_2(arguments, capsys):
@@ -57,6 +60,19 @@ def test_an_unknown_chapter_is_a_usage_error_that_lists_them(capsys, tmp_path):
 def test_an_unknown_preset_is_a_usage_error_that_lists_them(capsys, tmp_path):
     assert cli.main(["simulate", str(tmp_path / "d"), "--preset", "nope"]) == 2
     assert "ahrs" in capsys.readouterr().err
+
+
+def test_an_unknown_format_is_a_usage_error_that_lists_them(capsys, tmp_path):
+    assert cli.main(["export", str(tmp_path / "none.json"), "--format", "ros"]) == 2
+    error = capsys.readouterr().err
+    assert error == "sensorbook export: --format: no format 'ros'; choose from kalibr, allan-csv\n"
+
+
+def test_the_help_of_export_names_every_format(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert cli.main(["export", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(f"{name}: " in shown for name in FORMATS)
 
 
 def test_check_tells_every_problem_and_warnings_do_not_fail(tmp_path, capsys):
@@ -121,6 +137,7 @@ from pathlib import Path
 sys.path.insert(0, {helpers!r})
 from throwaway import chapter
 from sensorbook import cli
+from sensorbook.export import FORMATS
 from sensorbook.reporting import chapters
 chapters.CHAPTERS = (chapter("allan", Path({notebook!r})),)
 sys.exit(cli.main(["report", {device!r}, "--out", {out!r}]))

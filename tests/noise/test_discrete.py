@@ -132,7 +132,5 @@ def test_every_sensor_has_a_table_that_shows(sensor):
     table = per_sample(estimate(sensor, COEFFICIENT), 50.0)
     si = [units.factor(unit, units.SENSOR_UNITS[sensor]) for unit in table["per sample"]["unit"]]
     expected = [N * np.sqrt(50), B, K / np.sqrt(50)]
-    np.testing.assert_allclose(
-        table["per sample"]["x"].to_numpy(float) * si, expected, rtol=1e-12
-    )
+    np.testing.assert_allclose(table["per sample"]["x"].to_numpy(float) * si, expected, rtol=1e-12)
     assert "σ_bd = K·√δt" in table.to_html(border=0, na_rep="–")

@@ -95,7 +95,7 @@ def render(results: Entry) -> str:
 def _device(results: Entry) -> str:
     """Identifier and name, inert: a name may hold line breaks and anything else."""
     device = results.at("device")
-    return f"{ascii(device.at('id').text())} ({ascii(device.at('name').text())})"
+    return f"{device.at('id').text()!a} ({device.at('name').text()!a})"
 
 
 def _noise(results: Entry, sensor: str) -> Entry:
