@@ -4,6 +4,7 @@ import copy
 import io
 import json
 import math
+import os
 
 import jsonschema
 import pandas as pd
@@ -479,6 +480,8 @@ def test_where_nothing_can_be_written(name, said, tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["results.json"]
 
 
-def test_a_device_is_not_replaced(tmp_path):
-    with pytest.raises(InputError, match="/dev/null: is not a file"):
-        write("/dev/null", "text", tmp_path / "results.json")
+def test_a_pipe_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe: is not a file"):
+        write(tmp_path / "pipe", "text", tmp_path / "results.json")
+    assert (tmp_path / "pipe").is_fifo()
