@@ -25,10 +25,10 @@ HEAD = """\
 #   E[n(t1) n(t2)] = sigma^2 delta(t1 - t2) has it. It is not the one-sided noise density, sqrt(2) N,
 #   of datasheets and spectrum analysers.
 # random_walk, sigma_b: K of the two-sided spectrum (rate_random_walk in results.json).
-# Both are continuous-time values, which belong to the sensor. Kalibr makes the discrete ones itself,
-# with dt = 1/update_rate: sigma_d = sigma/sqrt(dt) for the noise of a sample, and
-# sigma_bd = sigma_b*sqrt(dt) for a step of the bias. sigma_d holds for noise filtered at half the
-# rate: a sensor of lower bandwidth scatters less.
+# Both are continuous-time values, which belong to the sensor. Discrete ones, with dt = 1/update_rate:
+#   sigma_d = sigma/sqrt(dt), the noise of a sample, which Kalibr derives itself. It holds for noise
+#   filtered at half the rate: a sensor of lower bandwidth scatters less.
+#   sigma_bd = sigma_b*sqrt(dt), a step of the bias.
 # Kalibr takes one number for three axes: the largest. Intervals are 95 %.
 # The values are those of a rest: Kalibr's wiki advises larger ones for low-cost sensors in motion.
 
