@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from sensorbook.errors import Refusal
 MINIMUM_SAMPLES = 1000  # below, not even three octaves of cluster times have an error under 20 %
 EXACT_UP_TO = 2**17  # samples; beyond, start points are thinned unless asked otherwise
 BLOCK = 2**15  # samples; with its differences a block stays within 1 MiB of second-level cache
+DOT = (
+    2**13
+)  # OpenBLAS sums longer vectors in several threads, which can cost far more than it saves
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +137,45 @@ def squared_differences(
                 np.subtract(theta[first + 2 * m : last + 2 * m : stride], middle, out=second)
                 np.subtract(second, middle, out=second)
                 np.add(second, theta[first:last:stride], out=second)
-                sums[i] += second @ second
+                for j in range(0, len(second), DOT):
+                    part = second[j : j + DOT]
+                    sums[i] += part @ part
     return sums
+
+
+def curve_from_sums(
+    sums: np.ndarray,
+    terms: np.ndarray,
+    clusters: np.ndarray,
+    samples: int,
+    rate: float,
+    sensor: str,
+    overlapping: bool = True,
+) -> AllanCurve:
+    """The curve of (T, A) sums of `terms` squared second differences each, θ counted in samples."""
+    deviation = np.sqrt(sums / (2.0 * terms[:, None])) / clusters[:, None]
+    return AllanCurve(
+        clusters / rate, clusters, deviation, terms, samples, rate, sensor, overlapping
+    )
+
+
+def as_columns(values: np.ndarray) -> np.ndarray:
+    """(N, A) view of values (N,) or (N, A)."""
+    values = np.asarray(values)
+    return values[:, None] if values.ndim == 1 else values
+
+
+def check_finite(values: np.ndarray, before: int = 0) -> None:
+    """ValueError that names the first sample of `values` (N, A) that is not finite.
+
+    `before` samples precede them in the record.
+    """
+    rows = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if rows.size:
+        raise ValueError(
+            "the signal holds samples that are not finite; bridge or cut them first "
+            f"(the first is sample {before + rows[0]})"
+        )
 
 
 def integrate(column: np.ndarray, mean: float, theta: np.ndarray) -> None:
@@ -149,17 +190,19 @@ def integrate(column: np.ndarray, mean: float, theta: np.ndarray) -> None:
         np.cumsum(part, out=part)
 
 
-def check_finite(values: np.ndarray, before: int = 0) -> None:
-    """ValueError that names the first sample of `values` (N, A) that is not finite.
-
-    `before` samples precede them in the record.
-    """
-    rows = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    if rows.size:
-        raise ValueError(
-            "the signal holds samples that are not finite; bridge or cut them first "
-            f"(the first is sample {before + rows[0]})"
-        )
+def running_integrals(values: np.ndarray, rate: float, phase: bool) -> Iterator[np.ndarray]:
+    """θ (N + 1,) of one axis after the other, counted in samples, each in place of the one before."""
+    means = values.mean(axis=0, dtype=float)
+    if not np.isfinite(means).all():
+        check_finite(values)
+    theta = np.zeros(len(values) if phase else len(values) + 1)
+    for column, mean in zip(values.T, means, strict=True):
+        if phase:
+            np.multiply(column, rate, out=theta, dtype=float)
+        else:
+            # Without the mean the running sum stays small and keeps its digits.
+            integrate(column, mean, theta)
+        yield theta
 
 
 def allan_deviation(
@@ -209,30 +252,17 @@ def allan_deviation(
     >>> abs(curve.at(1.0)[0] / 0.01 - 1) < 0.05
     np.True_
     """
-    values = np.asarray(values)
-    values = values[:, None] if values.ndim == 1 else values
+    values = as_columns(values)
     samples = len(values) - 1 if phase else len(values)
     clusters = chosen_clusters(clusters, samples, rate)
-    means = values.mean(axis=0, dtype=float)
-    if not np.isfinite(means).all():
-        check_finite(values)
     if not overlapping:
         strides = clusters
     elif exact or (exact is None and samples <= EXACT_UP_TO):
         strides = np.ones_like(clusters)
     else:
         strides = thinned(clusters)
-    theta = np.zeros(samples + 1)  # of one axis after the other
     sums = np.empty((len(clusters), values.shape[1]))
-    for axis, column in enumerate(values.T):
-        if phase:
-            np.multiply(column, rate, out=theta, dtype=float)  # differences count in samples
-        else:
-            # Without the mean the running sum stays small and keeps its digits.
-            integrate(column, means[axis], theta)
+    for axis, theta in enumerate(running_integrals(values, rate, phase)):
         sums[:, axis] = squared_differences(theta, clusters, strides)
     terms = (samples - 2 * clusters) // strides + 1
-    deviation = np.sqrt(sums / (2.0 * terms[:, None])) / clusters[:, None]
-    return AllanCurve(
-        clusters / rate, clusters, deviation, terms, samples, rate, sensor, overlapping
-    )
+    return curve_from_sums(sums, terms, clusters, samples, rate, sensor, overlapping)
