@@ -1,0 +1,219 @@
+"""What a rest holds besides noise: shocks, and periodic components (A 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft, ndimage, stats
+
+from sensorbook.errors import Refusal
+from sensorbook.noise.cosine import CosineSpectrum, cosine_spectrum
+
+SHOCK_SIGMAS = 10.0  # no normal variable gets there; sensors with heavy tails reach 9
+TREND = 101  # samples of the running mean that shocks stand out from
+JOINED, PADDED = 2.0, 0.5  # s: shocks closer than this are one; what rings on around them
+MOST_SHOCKED = 0.1  # share of a record that is no longer a rest
+
+PERIODS = 16  # fewest in a record that make a component periodic
+CHANCE = 1e-7  # of a false component in a bin
+EXCESS = 1.1  # least power over its surroundings that is worth telling
+NEIGHBOURS = 61  # bins of a hundredth of their frequency: what a component stands out from
+MOST_LINES = 12  # lines subtracted from an axis
+SIDE, LONE = 30, 20.0  # a line is that many times higher than the lines on either side of it
+
+
+@dataclass(frozen=True)
+class Shock:
+    """A stretch that was knocked or moved.
+
+    Attributes
+    ----------
+    start, stop : its samples, `stop` excluded
+    size : largest departure, robust standard deviations
+    """
+
+    start: int
+    stop: int
+    size: float
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """A periodic component of one axis.
+
+    Attributes
+    ----------
+    frequency : of a line; the centre of a band, Hz
+    amplitude : of a sinusoid of the same power, SI
+    band : frequencies kept out of the noise terms, Hz
+    steady : a sinusoid of constant frequency and phase, which can be subtracted
+    """
+
+    frequency: float
+    amplitude: float
+    band: tuple[float, float]
+    steady: bool
+
+
+def find_shocks(values: np.ndarray, rate: float) -> tuple[Shock, ...]:
+    """Stretches in which any axis departs from its running mean by ten robust standard deviations.
+
+    Parameters
+    ----------
+    values : (N, A) evenly sampled
+    rate : Hz
+    """
+    size = np.zeros(len(values))
+    for column in values.T:
+        rest = np.asarray(column, dtype=float)
+        for _ in range(2):  # again without what was found, which has drawn the mean
+            departure = np.abs(column - ndimage.uniform_filter1d(rest, TREND, mode="nearest"))
+            scale = 1.4826 * np.median(departure)
+            # coarse counts: most samples may equal their mean
+            scale = max(scale, float(np.sqrt(np.mean(np.minimum(departure, 5 * scale) ** 2))))
+            if not scale:
+                break
+            away = departure > SHOCK_SIGMAS * scale
+            rest = np.where(away, np.median(column), column)
+        if scale:
+            size = np.maximum(size, departure / scale)
+    rows = np.flatnonzero(size > SHOCK_SIGMAS)
+    if not len(rows):
+        return ()
+    pad = max(5, round(PADDED * rate))
+    breaks = np.flatnonzero(np.diff(rows) > max(2 * pad, round(JOINED * rate))) + 1
+    return tuple(
+        Shock(max(0, int(g[0]) - pad), min(len(values), int(g[-1]) + pad + 1), float(size[g].max()))
+        for g in np.split(rows, breaks)
+    )
+
+
+def bridge(values: np.ndarray, shocks: tuple[Shock, ...], rate: float) -> np.ndarray:
+    """(N, A) the signal with straight lines in place of its shocks.
+
+    Raises
+    ------
+    Refusal
+        more than a tenth of the record is shocked
+    """
+    shocked = sum(s.stop - s.start for s in shocks)
+    if shocked > MOST_SHOCKED * len(values):
+        raise Refusal(
+            f"{100 * shocked / len(values):.0f} % of the record is knocked or moved, in {len(shocks)} stretches: "
+            "it is not a rest.",
+            "Record with the sensor clamped to something heavy, far from people and machines.",
+        )
+    if not shocks:
+        return values
+    bridged = np.array(values, dtype=float)
+    around = max(5, round(PADDED * rate))
+    for s in shocks:
+        before = bridged[max(0, s.start - around) : s.start]
+        after = np.asarray(values[s.stop : s.stop + around], dtype=float)
+        ends = [np.mean(side, axis=0) for side in (before, after) if len(side)]
+        share = np.linspace(0, 1, s.stop - s.start)[:, None]
+        bridged[s.start : s.stop] = ends[0] * (1 - share) + ends[-1] * share
+    return bridged
+
+
+def take_out_lines(column: np.ndarray, rate: float) -> tuple[np.ndarray, list[Periodic]]:
+    """The signal without its steady sinusoids, and these, the strongest first.
+
+    A line is sought in the spectrum under a Hann window, whose leakage is low, and fitted by least squares
+    with its frequency free. One that drifts is a band of several lines and cannot be taken out this way.
+    """
+    n = len(column)
+    rest = column - np.mean(column)
+    window = np.hanning(n + 1)[:n]
+    power = np.abs(fft.rfft(rest * window)) ** 2 / (0.375 * n * rate)
+    candidates = _lone_peaks(power, n, rate, _background(cosine_spectrum(column, rate), 0))
+    found: list[Periodic] = []
+    for peak in candidates[:MOST_LINES]:
+        f, wave = _sinusoid(rest, window, power, peak, rate)
+        amplitude = float(np.sqrt(2 * np.mean(wave**2)))
+        # A sinusoid leaves A²n/4 over the rate in the lines around its own.
+        if amplitude**2 * n / (4 * rate) > 0.9 * power[peak - 3 : peak + 4].sum():
+            rest = rest - wave
+            found.append(Periodic(f, amplitude, (f - 4 * rate / n, f + 4 * rate / n), True))
+    return (rest + np.mean(column) if found else column), found
+
+
+def _lone_peaks(power: np.ndarray, n: int, rate: float, background) -> np.ndarray:
+    """Lines far above the spectrum around them and above their own neighbours; the highest first."""
+    line = np.arange(PERIODS, len(power) - SIDE)
+    # e^−x is the chance of a line of x times the mean, at each of n/2 frequencies.
+    ratio = power[line] / background(line * rate / n)
+    high = (power[line] >= power[line - 1]) & (power[line] >= power[line + 1])
+    line = line[high & (ratio > np.log(n / CHANCE))]
+    line = line[np.argsort(-power[line])][: 20 * MOST_LINES]
+    side = np.concatenate([np.arange(-SIDE, -4), np.arange(5, SIDE + 1)])
+    around = np.median(power[np.abs(line[:, None] + side)], axis=1) / np.log(2)
+    return line[power[line] > LONE * around]
+
+
+def find_bands(spectrum: CosineSpectrum, axis: int) -> tuple[np.ndarray, list[Periodic]]:
+    """(F,) mask of the bins that stand out of their surroundings, and the components they make.
+
+    Surroundings are the median of 61 bins, which follows every spectrum that falls or rises steadily; a
+    bin, or seven together, stands out where chance would do the same once in ten million bins.
+    """
+    p, lines, f = spectrum.density[:, axis], spectrum.lines, spectrum.frequency
+    background = _background(spectrum, axis)(f)
+    early = f < PERIODS * spectrum.rate / spectrum.samples
+    away = np.zeros(len(p), dtype=bool)
+    for width in (1, 7):
+        window = np.ones(width)
+        expected = np.convolve(lines * background, window, "same")
+        together = np.convolve(lines, window, "same")
+        ratio = np.convolve(lines * p, window, "same") / expected
+        out = (stats.chi2.sf(together * ratio, together) < CHANCE) & (ratio > EXCESS) & ~early
+        away |= ndimage.binary_dilation(out, iterations=width // 2 + 1)
+    away &= p > background
+    away = ndimage.binary_dilation(ndimage.binary_closing(away, iterations=2), iterations=1) & ~early
+    found, (labels, count) = [], ndimage.label(away)
+    width = lines * spectrum.rate / (2 * spectrum.samples)
+    for k in range(1, count + 1):
+        here = labels == k
+        power = np.maximum((p - background) * width, 0)[here]
+        if not power.sum():
+            continue
+        edges = float((f - width / 2)[here][0]), float((f + width / 2)[here][-1])
+        centre = float(power @ f[here] / power.sum())
+        # Two-sided: half of the power; a sinusoid's is half of its amplitude squared.
+        found.append(Periodic(centre, float(np.sqrt(4 * power.sum())), edges, False))
+    return away, found
+
+
+def _background(spectrum: CosineSpectrum, axis: int):
+    """Two-sided density around each frequency, by the median of neighbouring bins, as a function."""
+    level = np.log(spectrum.density[:, axis])
+    # The median of few lines' mean lies below the density.
+    level -= np.log(stats.chi2.median(spectrum.lines) / spectrum.lines)
+    half = min(NEIGHBOURS // 2, len(level) - 1)
+    padded = np.pad(level, half, mode="reflect", reflect_type="odd")
+    smooth = ndimage.median_filter(padded, 2 * half + 1)[half : len(padded) - half]
+    at = np.log(spectrum.frequency)
+    return lambda f: np.exp(np.interp(np.log(f), at, smooth))
+
+
+def _sinusoid(x, window, power, peak: int, rate: float) -> tuple[float, np.ndarray]:
+    """Frequency and wave of the sinusoid nearest to a peak, by least squares under the window."""
+    n = len(x)
+    left, centre, right = np.log(power[[peak - 1, peak, min(peak + 1, len(power) - 1)]])
+    bend = left - 2 * centre + right
+    f = (peak + (0.5 * (left - right) / bend if bend else 0.0)) * rate / n
+    t = (np.arange(n) - n / 2) / rate
+    for _ in range(4):
+        angle = 2 * np.pi * f * t
+        c, s = np.cos(angle), np.sin(angle)
+        # Gauss–Newton: amplitude of cosine and sine, and a change of frequency
+        basis = np.stack([c, s]) * window
+        a, b = np.linalg.solve(basis @ np.stack([c, s]).T, basis @ x)
+        slope = 2 * np.pi * t * (b * c - a * s)
+        change = (window * slope) @ (x - a * c - b * s) / ((window * slope) @ slope)
+        if abs(change) > rate / n:
+            break
+        f += float(change)
+    angle = 2 * np.pi * f * t
+    return f, a * np.cos(angle) + b * np.sin(angle)
