@@ -9,19 +9,21 @@ import numpy as np
 import pandas as pd
 from scipy import fft, signal, special, stats
 
+from sensorbook.errors import Refusal
 from sensorbook.estimate import Estimate
+from sensorbook.noise.allan import MINIMUM_SAMPLES
 from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
 
 STAND = 32  # lines that table 5.1 leaves as they are; each octave above keeps half as many points
-# |Σh² e^{2πik/N}|²/(Σh²)² for Hann's h: how much of their scatter two lines k apart have in common.
-HANN_LINES = (4 / 9, 1 / 36)
+# |Σh² e^{2πikn/N}|²/(Σh²)² of a window h: what two lines k = 1, 2 … apart have of their scatter in common.
+SINE_LINES, HANN_LINES = (1 / 4,), (4 / 9, 1 / 36)
 HANN_SEGMENTS = 1 / 36  # (Σ h_n h_{n+L/2})²/(Σh²)², the same for two segments that overlap by half
-SLOPE_ERROR = 0.15  # standard error to which a local slope must be known
+SLOPE_ERROR = 0.25  # standard error to which a local slope must be known
 SLOPES = {"random_walk": 0, "bias_instability": -1, "rate_random_walk": -2}  # of log S
-TOLERANCE = 0.25  # of a slope; a quarter of the distance between two terms
-LEAST_OCTAVES = 1.0  # white noise and a random walk alone pass −1 ± 0.25 within 0.74 octaves
+TOLERANCE = 0.4  # of a slope: nearer to this term than to its neighbours, which lie 1 away
+LEAST_OCTAVES = 1.5  # white noise and a random walk alone pass −1 ± 0.4 within 1.2 octaves
 CLEAR = 0.2  # of the cut-off: below it even a low-pass of first order takes less than 2 % of N
 
 
@@ -105,9 +107,10 @@ def periodogram(
     ----------
     values : (N,) or (N, A) evenly sampled signal
     rate : Hz
-    taper : weigh the samples with a Hann window of unit mean square. Without it a random walk leaks
-        from the ends of the record: where slope −2 rules, every line is expected at exactly twice its
-        density, and K read from it is √2 too large. A taper costs half the degrees of freedom.
+    taper : weigh the samples with half a sine of unit mean square (Riedel and Sidorenko 1995). Without
+        it a random walk leaks from the ends of the record: where slope −2 rules, every line is expected
+        at exactly twice its density, and K read from it is √2 too large. A taper costs a third of the
+        degrees of freedom.
 
     Raises
     ------
@@ -116,13 +119,10 @@ def periodogram(
     """
     columns = _columns(values)
     samples = columns.shape[1]
-    window = signal.windows.hann(samples, sym=False) if taper else np.ones(samples)
-    window /= np.sqrt(np.mean(window**2))
+    window = np.sqrt(2) * signal.windows.cosine(samples) if taper else 1.0
     density = np.empty((samples // 2, len(columns)))
     for i, column in enumerate(columns):  # one at a time: the transform is as large as all of these
-        if taper:
-            column = window * (column - np.average(column, weights=window))
-        lines = fft.rfft(column)[1:]
+        lines = fft.rfft(window * column)[1:]
         density[:, i] = 2 / (rate * samples) * (lines.real**2 + lines.imag**2)
     dof = np.full(len(density), 2.0)
     if samples % 2 == 0:
@@ -131,7 +131,7 @@ def periodogram(
     frequency = np.arange(1, len(density) + 1) * (rate / samples)
     return PowerSpectrum(
         frequency, density, dof, np.ones(len(density), dtype=np.int64), samples, rate, sensor,
-        HANN_LINES if taper else (),
+        SINE_LINES if taper else (),
     )  # fmt: skip
 
 
@@ -144,13 +144,15 @@ def welch(
     ----------
     values : (N,) or (N, A) evenly sampled signal
     rate : Hz
-    segment : samples; where None, the power of two next to an eighth of the record, 256 at least
+    segment : samples; where None, the power of two nearest to an eighth of the record, 256 at least
 
     The degrees of freedom are ``2K/(1 + 2(1 − 1/K)/36)`` for K segments (Welch 1967; Percival and
     Walden 1993, 292b).
 
     Raises
     ------
+    Refusal
+        fewer than 1000 samples where the segment is left to the function
     ValueError
         a segment shorter than 4 samples or longer than the record, or samples that are not finite
 
@@ -166,7 +168,12 @@ def welch(
     columns = _columns(values)
     samples = columns.shape[1]
     if segment is None:
-        segment = min(samples, max(256, 2 ** round(np.log2(samples / 8))))
+        if samples < MINIMUM_SAMPLES:
+            raise Refusal(
+                f"The record has {samples} samples; a spectrum needs at least {MINIMUM_SAMPLES}.",
+                "Record a rest of one hour or more.",
+            )
+        segment = max(256, 2 ** round(np.log2(samples / 8)))
     if not 4 <= segment <= samples:
         raise ValueError(f"a segment of {segment} samples is outside 4 … {samples}, the record")
     frequency, density = signal.welch(
@@ -218,11 +225,13 @@ def spectral_slopes(spectrum: PowerSpectrum) -> np.ndarray:
 
     A straight line through the points within half an octave either side, each weighted by the inverse
     variance of its logarithm, ψ'(ν/2), and less that logarithm's bias, ψ(ν/2) − ln(ν/2). Where so few
-    lines give the slope to no better than 0.15, as all low frequencies do, the reach is widened until
+    lines give the slope to no better than 0.25, as all low frequencies do, the reach is widened until
     they do.
     """
     x, half = np.log(spectrum.frequency), spectrum.dof / 2
-    weight = 1 / special.polygamma(1, half)
+    # Points that share their scatter with the next count for less.
+    shared = _inflation(spectrum.lines, spectrum.correlation) / (1 + 2 * sum(spectrum.correlation))
+    weight = shared / special.polygamma(1, half)
     y = np.log(spectrum.density) - (special.digamma(half) - np.log(half))[:, None]
     moments = np.column_stack([weight, weight * x, weight * x**2])
     moments = np.column_stack([moments, weight[:, None] * y, (weight * x)[:, None] * y])
@@ -248,8 +257,8 @@ def read_ranges(
 ) -> tuple[dict[str, slice], ...]:
     """For each axis the points from which each term is read, by term; absent where there are none.
 
-    The longest run, an octave at least, of points whose local slope is the term's within 0.25; above a
-    fifth of a low-pass's cut-off nothing is read.
+    The run with the most lines, one and a half octaves at least, of points whose local slope is the term's within 0.4;
+    above a fifth of a low-pass's cut-off nothing is read.
     """
     low_passes = low_passes or (None,) * spectrum.density.shape[1]
     ranges = []
@@ -259,9 +268,10 @@ def read_ranges(
             fits = (np.abs(slopes - slope) < TOLERANCE) & _clear(spectrum, low_pass)
             steps = np.flatnonzero(np.diff(np.concatenate([[False], fits, [False]])))
             runs = [slice(a, b) for a, b in steps.reshape(-1, 2)]
-            octaves = [np.log2(spectrum.frequency[r][-1] / spectrum.frequency[r][0]) for r in runs]
-            if runs and max(octaves) >= LEAST_OCTAVES:
-                found[term] = runs[int(np.argmax(octaves))]
+            f = spectrum.frequency
+            runs = [r for r in runs if f[r][-1] >= 2**LEAST_OCTAVES * f[r][0]]
+            if runs:
+                found[term] = max(runs, key=lambda r: spectrum.lines[r].sum())
         ranges.append(found)
     return tuple(ranges)
 
@@ -276,7 +286,7 @@ def read_off_spectrum(
     From the two-sided S = P₁/2: N = √S on the flat, B = √(2πf S) where the slope is −1, K = 2πf √S
     where it is −2, each as the mean over all lines of its range. Where terms overlap each reading holds
     a share of its neighbours, and a bend from −2 to 0 may pass for a stretch of −1: of thirty simulated
-    hours of white noise and random walk alone, ten show a B. Intervals hold the statistical error alone.
+    hours of white noise and random walk alone, eleven show a B. Intervals hold the statistical error alone.
 
     A term without a range is None, with a 95 % upper bound: nowhere can it exceed the whole density.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy import linalg, optimize, signal
 
 POLES_PER_DECADE = 2  # sums of as many first-order terms follow 1/f to 0.1 %
 ROUNDS = 50  # of reweighting; a dozen do
+HUBER = 3.0  # standard errors from which on a point counts less: spectral lines are no part of the noise
 LEAST_PART = 1e-6  # of the density: a term that nowhere reaches it is no term
 
 
@@ -24,8 +26,8 @@ class ShapingFilter:
     poles, zeros : (M,) and (≤ M,) of H, real, in 0 ≤ … < 1
     std : of the driving white noise per sample, unit of the signal
     rate : sampling rate, Hz
-    scatter : rms of the measured density about the filter's over what its degrees of freedom explain;
-        about 1 where the filter follows it
+    scatter : of the measured density about the filter's, in standard errors, from the median so that
+        single spectral lines do not tell; about 1 where the filter follows the density
     """
 
     poles: np.ndarray
@@ -33,6 +35,11 @@ class ShapingFilter:
     std: float
     rate: float
     scatter: float
+
+    @property
+    def time_constants(self) -> np.ndarray:
+        """(M,) of the poles, s; `poles` = exp(−1/(rate · time constant))."""
+        return -1 / (self.rate * np.log(self.poles))
 
     @property
     def sections(self) -> np.ndarray:
@@ -111,18 +118,20 @@ def shaping_filter(
         lowest, highest, 1 + int(np.ceil(POLES_PER_DECADE * np.log10(highest / lowest)))
     )
     parts = np.column_stack([np.ones_like(u), corners**2 / (u[:, None] + corners**2)])
-    weight = np.sqrt(np.broadcast_to(dof, f.shape) / 2)
-    model = s
+    certainty = np.sqrt(np.broadcast_to(dof, f.shape) / 2)
+    model, weight = s, certainty
     for _ in range(ROUNDS):
         # Weights from the model, not from the scattered data: low points must not count for more.
         scaled = parts * (weight / model)[:, None]
         size = np.linalg.norm(scaled, axis=0)
         gains = optimize.nnls(scaled / size, s * weight / model)[0] / size
         before, model = model, parts @ gains
+        departure = np.abs(certainty * (s / model - 1))
+        weight = certainty * np.sqrt(HUBER / np.maximum(departure, HUBER))
         if np.abs(model / before - 1).max() < 1e-6:
             break
     gains[(parts * gains / model[:, None]).max(axis=0) < LEAST_PART] = 0
-    scatter = float(np.sqrt(np.mean((weight * (s / (parts @ gains) - 1)) ** 2)))
+    scatter = float(np.median(departure) / 0.6745)
     poles, zeros, leading = _factorise(gains[0], gains[1:], corners)
     return ShapingFilter(poles, zeros, float(np.sqrt(leading * rate)), rate, scatter)
 
@@ -145,10 +154,7 @@ def _factorise(white: float, gains: np.ndarray, corners: np.ndarray):
     if white > 0 and len(p):
         edges = np.append(edges, np.log(p[-1] + 2 * residues.sum() / white))
     z = np.exp(
-        [
-            optimize.brentq(multiplied_out, a, b, xtol=1e-14)
-            for a, b in zip(edges[:-1], edges[1:], strict=True)
-        ]
+        [optimize.brentq(multiplied_out, a, b, xtol=1e-14) for a, b in itertools.pairwise(edges)]
     )
     poles, zeros = _inside(p), _inside(z)
     leading = white if white > 0 else residues.sum()
