@@ -16,6 +16,7 @@ FEWEST = 4  # lines in a bin whose mean tells where the floor ends
 LINE = 1.5  # times its neighbours' median is a periodic component
 EXPONENTS = (1, 2, 3, 4, 6, 8)  # of u in the shape; steep filters need the high ones
 COEFFICIENT = 8.0  # deviance that a further coefficient of the shape must save
+FALLS = 0.9  # of the floor's power is left at its edge, or less
 CLAIM = 25.0  # deviance that a low-pass must save against none: e¹² in likelihood
 
 
@@ -25,7 +26,8 @@ class LowPass:
 
     Attributes
     ----------
-    cutoff : frequency at which the white floor has fallen to half its power, Hz
+    cutoff : frequency at which the white floor has fallen to half its power, at most the Nyquist
+        frequency, Hz
     correlation_time : t_c of ``σ²(τ) = N²/τ · (1 − t_c/τ)``, valid for τ well above 1/cutoff, s
     std : its standard error, s
     scale : of u, Hz
@@ -49,7 +51,7 @@ class LowPass:
 
 
 def find_low_pass(values: np.ndarray, rate: float) -> LowPass | None:
-    """The low-pass that shapes the white floor, None where the floor reaches the Nyquist frequency.
+    """The low-pass that shapes the white floor, None where the floor is level up to the Nyquist frequency.
 
     Parameters
     ----------
@@ -81,22 +83,24 @@ def low_pass_of(spectrum: CosineSpectrum, axis: int, used: np.ndarray) -> LowPas
     f, p, lines = f[inside], p[inside], lines[inside]
     floor = float(np.median(smooth[inside][: len(f) // 2]))
     _, none = _fit(f, p, lines, floor, edge, ())
-    choices = [c for count in (1, 2) for c in combinations(EXPONENTS, count)] + [(1, 2, 3, 4)]
+    choices = [c for count in (1, 2) for c in combinations(EXPONENTS, count)]
     fits = {c: _fit(f, p, lines, floor, edge, c) for c in choices}
     chosen = min(fits, key=lambda c: fits[c][1] + COEFFICIENT * len(c))
     fit, deviance = fits[chosen]
-    if none - deviance < CLAIM:
+    if none - deviance < CLAIM or _shape(chosen, fit.x[3:], edge, edge) > FALLS:
         return None
 
     found = fit.x[3:]
-    fine = np.linspace(0, 2 * edge, 2001)
+    fine = np.linspace(0, min(2 * edge, nyquist), 2001)
     below = _shape(chosen, found, fine, edge) < 0.5
     cutoff = float(fine[np.argmax(below)] if below.any() else edge)
     tau = 40 / cutoff
 
     def correlation_time(a):
         shape = lambda at: _shape(chosen, a, np.minimum(at, nyquist), edge)  # noqa: E731
-        return tau * (1 - tau * variance_from_spectrum(shape, tau, 1 / spectrum.rate, points=20_000))
+        return tau * (
+            1 - tau * variance_from_spectrum(shape, tau, 1 / spectrum.rate, points=20_000)
+        )
 
     t_c, step = correlation_time(found), 1e-4
     slope = [(correlation_time(found + step * e) - t_c) / step for e in np.eye(len(found))]
@@ -107,7 +111,10 @@ def low_pass_of(spectrum: CosineSpectrum, axis: int, used: np.ndarray) -> LowPas
 
 
 def _edge(f: np.ndarray, smooth: np.ndarray, nyquist: float) -> float | None:
-    """Where the floor has fallen to half, None where it does not; the floor is looked for below it."""
+    """Where the floor has fallen to half, at most `nyquist`; None where there are too few bins below.
+
+    The floor is looked for below the edge.
+    """
     low, high, edge = 0.02 * nyquist, 0.1 * nyquist, None
     for _ in range(8):
         level = smooth[(f >= low) & (f <= high)]
@@ -115,7 +122,7 @@ def _edge(f: np.ndarray, smooth: np.ndarray, nyquist: float) -> float | None:
             return None
         found = float(f[np.flatnonzero(smooth > 0.5 * np.median(level))[-1]])
         if found > 0.9 * nyquist:
-            return None
+            return nyquist
         if found == edge:
             break
         edge = found

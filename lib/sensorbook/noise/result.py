@@ -35,20 +35,26 @@ class AxisNoise:
     ----------
     terms : estimate by term, None where the term has no visible effect
     upper_bounds : 95 % upper bound of each term without visible effect, SI
-    tau_range : cluster times used, s
+    tau_range : cluster times used, s; None where the fit is to the spectrum
     misfit : where the terms do not describe the curve, None where they do
     squares : fitted squared coefficients (the one of 1/τ² may be negative), SI
     edf : (T,) equivalent degrees of freedom of the curve
     band : (T, 2) 95 % confidence limits of the curve
+    variance : (T,) Allan variance that the terms, low-pass and periodic components explain
+    frequency_range : frequencies used, Hz; None where the fit is to the Allan curve
+    model_error : what the spectrum departs from the terms by beyond chance, relative, rms
     """
 
     terms: dict[str, Estimate | None]
     upper_bounds: dict[str, float]
-    tau_range: tuple[float, float]
+    tau_range: tuple[float, float] | None
     misfit: Misfit | None
     squares: dict[str, float] = field(default_factory=dict)
     edf: np.ndarray | None = None
     band: np.ndarray | None = None
+    variance: np.ndarray | None = None
+    frequency_range: tuple[float, float] | None = None
+    model_error: float = 0.0
 
     @property
     def coefficients(self) -> NoiseTerms:

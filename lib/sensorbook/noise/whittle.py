@@ -9,17 +9,107 @@ lines themselves, not of their variance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize
+from scipy import optimize, stats
 
+from sensorbook.estimate import Estimate
 from sensorbook.noise.cosine import CosineSpectrum
 from sensorbook.noise.lowpass import LowPass
+from sensorbook.noise.model import TERMS
+from sensorbook.noise.result import AxisNoise, NoiseEstimate
 
-BASE = ("random_walk", "bias_instability", "rate_random_walk")
+BASE = ("random_walk", "bias_instability", "rate_random_walk")  # always in the model
 STEPS, SETTLED = 60, 1e-7
 INTERVAL = 3.841  # χ² of one degree of freedom, 95 %
+# What a term must save to be stated. A term that is not there saves nothing in half of all records and
+# χ² of one degree of freedom in the other half (Chernoff 1954): 0.5 % exceed this.
+PRESENT = 6.63
+# A walk of few visible turns looks like a ramp: what the ramp must save beside it.
+RAMP = 15.0
+REACH = 0.8  # of the low-pass's cut-off: highest frequency used
+WINDOW = 20  # bins over which a spectrum is held against its model
+DISPERSED = 0.999  # a model fits unless its windows scatter more than so many of a right one's
+
+
+def fit_spectrum(
+    spectrum: CosineSpectrum,
+    sensor: str = "",
+    kept_out: Sequence[np.ndarray] = (),
+    low_passes: Sequence[LowPass | None] = (),
+) -> NoiseEstimate:
+    """Noise terms of each axis by maximum likelihood, with intervals from the profile of the likelihood.
+
+    N, B and K are always in the model, Q and R where the likelihood asks for them (Q never behind a
+    low-pass, which hides it). A term is stated where leaving it out costs more than `PRESENT`; otherwise
+    it is None and its upper bound is the upper end of its 95 % interval, which begins at zero. Values and
+    intervals are those of the whole model either way, so that the choice of terms does not narrow them.
+
+    Parameters
+    ----------
+    spectrum : of the rest (`cosine_spectrum`)
+    kept_out : for each axis a mask (F,) of bins that hold periodic components
+    low_passes : one for each axis, None where there is none
+    """
+    count = spectrum.density.shape[1]
+    kept_out = kept_out or (np.zeros(len(spectrum.lines), dtype=bool),) * count
+    low_passes = low_passes or (None,) * count
+    axes = [
+        _fit_axis(spectrum, i, ~mask, low_pass)
+        for i, (mask, low_pass) in enumerate(zip(kept_out, low_passes, strict=True))
+    ]
+    return NoiseEstimate("whittle", sensor, tuple(axes))
+
+
+def _fit_axis(spectrum, axis: int, used: np.ndarray, low_pass: LowPass | None) -> AxisNoise:
+    if low_pass:
+        used = used & (spectrum.frequency <= REACH * low_pass.cutoff)
+    likelihood = Likelihood(spectrum, axis, used, low_pass)
+    names, squares, deviance = _choose(likelihood, low_pass)
+    error = 0.0
+    for _ in range(3):  # what the terms miss changes the weights, these the terms
+        more = likelihood.model_error(squares)
+        if abs(more - error) < 0.1 * error or not more:
+            break
+        error = more
+        likelihood.allow(error)
+        names, squares, deviance = _choose(likelihood, low_pass)
+    terms: dict[str, Estimate | None] = {}
+    bounds = {}
+    for name in TERMS:
+        more = names if name in names else (*names, name)
+        at, least = (squares, deviance) if name in names else likelihood.fit(more)
+        low, high = likelihood.profile(more, name, at, least, INTERVAL)
+        root = abs if name == "rate_ramp" else np.sqrt
+        needed = RAMP if name == "rate_ramp" else PRESENT
+        if name in names and likelihood.fit(more, {name: 0.0})[1] - least > needed:
+            terms[name] = Estimate(*(float(root(v)) for v in (at[name], low, high)))
+        else:
+            terms[name], bounds[name] = None, float(root(high))
+    frequency = spectrum.frequency[used]
+    if "rate_ramp" in squares:
+        squares["rate_ramp"] **= 2
+    return AxisNoise(
+        terms,
+        bounds,
+        tau_range=None,
+        misfit=None,
+        squares=squares,
+        frequency_range=(float(frequency[0]), float(frequency[-1])),
+        model_error=error,
+    )
+
+
+def _choose(likelihood: Likelihood, low_pass) -> tuple[tuple[str, ...], dict[str, float], float]:
+    names, (squares, deviance) = BASE, likelihood.fit(BASE)
+    for name, needed in (("rate_ramp", RAMP), ("quantization", PRESENT)):
+        if name == "quantization" and low_pass:
+            continue
+        more, less = likelihood.fit((*names, name))
+        if deviance - less > needed:
+            names, squares, deviance = (*names, name), more, less
+    return names, squares, deviance
 
 
 class Likelihood:
@@ -43,7 +133,8 @@ class Likelihood:
     ):
         f = spectrum.frequency[used]
         w, dt = 2 * np.pi * f, 1 / spectrum.rate
-        self.power, self.lines = spectrum.density[used, axis], spectrum.lines[used]
+        self.power, self.counted = spectrum.density[used, axis], spectrum.lines[used]
+        self.lines = self.counted.astype(float)
         self.ramp, self.ramp_square = spectrum.ramp[used, axis], spectrum.ramp_square[used]
         gain = low_pass.power(f) if low_pass else np.ones_like(f)
         self.columns = {
@@ -54,8 +145,12 @@ class Likelihood:
         }
         # To first order what an error of the shape makes of the white floor; of either sign.
         self.shape = low_pass.derivatives(f) if low_pass else np.empty((len(f), 0))
-        smooth = np.exp(np.convolve(np.pad(np.log(self.power), 10, "edge"), np.ones(21) / 21, "valid"))
-        self.start = 1.8 * smooth  # the mean of log χ²₁ is −1.27, of many lines 0; weights need no more
+        smooth = np.exp(
+            np.convolve(np.pad(np.log(self.power), 10, "edge"), np.ones(21) / 21, "valid")
+        )
+        self.start = (
+            1.8 * smooth
+        )  # the mean of log χ²₁ is −1.27, of many lines 0; weights need no more
 
     def fit(
         self, names: Sequence[str], fixed: dict[str, float] | None = None
@@ -118,7 +213,12 @@ class Likelihood:
         return sum(v * self.columns[n] for n, v in squares.items() if n in self.columns)
 
     def profile(
-        self, names: Sequence[str], name: str, squares: dict[str, float], deviance: float, rise: float
+        self,
+        names: Sequence[str],
+        name: str,
+        squares: dict[str, float],
+        deviance: float,
+        rise: float,
     ) -> tuple[float, float]:
         """Where the deviance, the other terms fitted anew, has risen by `rise`: low ≥ 0 and high.
 
@@ -139,6 +239,35 @@ class Likelihood:
             if top > 1e12 * self._scale(name, squares):
                 return low, top  # the record does not bound the term
         return low, optimize.brentq(excess, best, top, xtol=1e-3 * top, rtol=1e-4)
+
+    def windows(self, squares: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Power over model in windows of `WINDOW` bins: ratio, its lines, and each window's first bin."""
+        slope = squares.get("rate_ramp", 0.0)
+        power = self.power - 2 * slope * self.ramp + slope**2 * self.ramp_square
+        first = np.arange(0, len(power) - WINDOW + 1, WINDOW)
+        lines = np.add.reduceat(self.counted, first)
+        ratio = np.add.reduceat(self.counted * power / self.model(squares), first) / lines
+        return ratio, lines, first
+
+    def model_error(self, squares: dict[str, float]) -> float:
+        """Relative error of the model, rms over windows, beyond what chance explains; 0 for a model that fits."""
+        ratio, lines, _ = self.windows(squares)
+
+        def scatter(error: float) -> float:
+            # Wilson and Hilferty: the cube root of χ²/ν is all but normal.
+            share = 2 / (9 * lines)
+            return float(np.sum((np.cbrt(ratio) - 1 + share) ** 2 / (share + error**2 / 9)))
+
+        if scatter(0.0) < stats.chi2.ppf(DISPERSED, len(ratio)):
+            return 0.0
+        return optimize.brentq(lambda e: scatter(e) - len(ratio), 0.0, 1e3)
+
+    def allow(self, error: float) -> None:
+        """Lets a window's power err by this share, whatever the number of its lines."""
+        window = np.arange(len(self.counted)) // WINDOW
+        window = np.minimum(window, max(window[-1] - 1, 0))
+        together = np.bincount(window, self.counted)[window]
+        self.lines = self.counted / (1 + together * error**2 / 2)
 
     def _scale(self, name: str, squares: dict[str, float]) -> float:
         """A coefficient's standard error with all others known, from Fisher's information."""
