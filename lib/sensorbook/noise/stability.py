@@ -1,4 +1,4 @@
-"""Relatives of the Allan deviation: modified, Hadamard and total (NIST SP 1065, 5.2.3–5.2.13).
+"""Relatives of the Allan deviation: modified, Hadamard and total (NIST SP 1065, chapter 5).
 
 Each is the Allan sum of a series derived from the running integral θ, over every start sample. The
 curves are not Allan curves of the noise terms: `fit_terms` and `confidence_limits` do not hold for them.
@@ -31,10 +31,9 @@ def modified_allan_deviation(
 ) -> AllanCurve:
     """``σ²(τ) = 1/(2 m⁴ δt² n) Σ_j (Σ_{i<m} θ_{j+i+2m} − 2θ_{j+i+m} + θ_{j+i})²``, n = N − 3m + 2.
 
-    θ is averaged over a cluster before it is differenced, which tells quantisation (slope −3/2 in place
-    of −1) from noise of the angle. Arguments and errors as `allan_deviation`; m up to N/3.
+    θ is averaged over a cluster before it is differenced, which tells white noise of θ, as quantisation
+    is (slope −3/2), from its flicker noise (−1). Arguments and errors as `allan_deviation`; m up to N/3.
     """
-
     return _curve(_moving_means, values, rate, clusters, phase, sensor, span=3)
 
 
@@ -50,7 +49,6 @@ def hadamard_deviation(
 
     A rate ramp has no effect on it. Arguments and errors as `allan_deviation`; m up to N/3.
     """
-
     return _curve(_increments, values, rate, clusters, phase, sensor, span=3)
 
 
@@ -68,7 +66,6 @@ def total_deviation(
     price of a bias: of the Allan variance E{σ²} is 1 − a m/N, with a = 0 for white noise, 1/(3 ln 2) for
     flicker noise and 3/4 for a random walk. Arguments and errors as `allan_deviation`; m up to N/2.
     """
-
     return _curve(_reflected, values, rate, clusters, phase, sensor, span=2)
 
 
