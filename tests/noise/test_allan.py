@@ -1,5 +1,7 @@
 """Allan deviation against published tables, exact values and an independent implementation."""
 
+import tracemalloc
+
 import allantools
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 
 from sensorbook import Refusal
 from sensorbook.noise import allan_deviation, cluster_sizes
+from sensorbook.noise.allan import EXACT_UP_TO, thinned
 
 
 def nbs14() -> np.ndarray:
@@ -123,6 +126,87 @@ def test_white_noise_expectation(overlapping):
     np.testing.assert_allclose(mean, 0.01 / np.sqrt(curve.tau), rtol=4 * 0.008)
 
 
+# ---- thinned start points ----
+
+
+def test_strides():
+    clusters = np.array([1, 31, 32, 63, 64, 1000, 1024, 10**7])
+    assert thinned(clusters).tolist() == [1, 1, 2, 2, 4, 32, 64, 2**19]
+
+
+def test_long_records_are_thinned_unless_asked_otherwise():
+    values = np.random.default_rng(29).normal(size=EXACT_UP_TO + 1)
+    clusters = np.array([1, 31, 32, 1000, 20_000])
+    every = [allan_deviation(values[:-1], 1.0, clusters, exact=e) for e in (None, True)]
+    np.testing.assert_array_equal(every[0].deviation, every[1].deviation)
+    assert every[0].terms.tolist() == (EXACT_UP_TO - 2 * clusters + 1).tolist()
+    some = [allan_deviation(values, 1.0, clusters, exact=e) for e in (None, False)]
+    np.testing.assert_array_equal(some[0].deviation, some[1].deviation)
+    np.testing.assert_array_equal(some[0].clusters, clusters)
+    theta = np.concatenate([[0.0], np.cumsum(values)])
+    for m, stride, terms, found in zip(
+        clusters, [1, 1, 2, 32, 1024], some[0].terms, some[0].deviation[:, 0], strict=True
+    ):
+        first = np.arange(0, len(theta) - 2 * m, stride)
+        second = theta[first + 2 * m] - 2 * theta[first + m] + theta[first]
+        assert terms == len(first)
+        # The sum of 131 073 doubles with their mean left in keeps eleven digits.
+        assert found == pytest.approx(np.sqrt(np.mean(second**2) / 2) / m, rel=1e-10)
+
+
+def relative_variance(r: np.ndarray, terms: int) -> float:
+    """Of the mean of `terms` squares whose correlation at lag j is ``r[j]`` (Isserlis)."""
+    return 2 * (2 * ((terms - np.arange(terms)) * r[:terms] ** 2).sum() - terms) / terms**2
+
+
+@pytest.mark.parametrize("cluster", [32, 63, 64, 500, 1024, 2000, 3000, 4000])
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        lambda s: -s,
+        lambda s: s**2 * np.log(np.maximum(s, 1)),
+        lambda s: s**3,
+    ],
+    ids=["white", "flicker", "random walk"],
+)
+def test_what_thinning_costs(covariance, cluster):
+    # By the exact correlation of the second differences of θ, up to N/5: no chance in it.
+    samples, stride = 20_000, int(thinned(np.array(cluster)))
+    lag = np.arange(samples - 2 * cluster + 1)
+    r = sum(
+        c * covariance(np.abs(lag + k * cluster).astype(float))
+        for k, c in zip(range(-2, 3), [1, -4, 6, -4, 1], strict=True)
+    )
+    every = relative_variance(r / r[0], len(lag))
+    some = relative_variance(r[::stride] / r[0], len(lag[::stride]))
+    assert some <= 1.005 * every
+
+
+@pytest.mark.parametrize("kind", ["white", "flicker", "random walk"])
+def test_thinned_estimates_scatter_as_exact_ones(kind):
+    samples, records = 4096, 400
+    white = np.random.default_rng(31).standard_normal((2 * samples, records))
+    if kind == "flicker":
+        k = np.arange(1, len(white))
+        response = np.cumprod(np.append(1.0, (k - 0.5) / k))
+        values = np.fft.irfft(
+            np.fft.rfft(response, 4 * samples)[:, None] * np.fft.rfft(white, 4 * samples, axis=0),
+            axis=0,
+        )[samples : 2 * samples]
+    else:
+        values = (np.cumsum(white, axis=0) if kind == "random walk" else white)[:samples]
+    clusters = np.array([32, 64, 256, 800])
+    every, some = (
+        allan_deviation(values, 1.0, clusters, exact=e).deviation ** 2 for e in (True, False)
+    )
+    # Both see the same records. What thinning adds is uncorrelated with the exact estimate, so that it
+    # has 0.5 % of its variance, and the ratio of variances scatters by 2√(0.005/400) = 0.7 %. The
+    # skewness of few degrees of freedom and the ends of the record may double that.
+    ratio = some.var(axis=1) / every.var(axis=1)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.005 + 3 * 0.014)
+    np.testing.assert_allclose(some.mean(axis=1), every.mean(axis=1), rtol=0.01)
+
+
 # ---- forms of input ----
 
 
@@ -159,6 +243,19 @@ def test_single_precision_and_counts_are_taken_as_they_are():
         np.testing.assert_array_equal(
             found, allan_deviation(values.astype(np.float64), 100.0).deviation
         )
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_memory_beyond_the_input(exact):
+    samples = 500_000
+    single = np.zeros((samples, 3), np.float32)
+    for values, phase in ((single[:, 0].astype(float), False), (single, False), (single, True)):
+        tracemalloc.start()
+        allan_deviation(values, 100.0, phase=phase, exact=exact)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        # One running integral in double precision, and a block.
+        assert peak < 1.3 * 8 * samples
 
 
 def test_large_offset_costs_no_digits():
@@ -239,10 +336,14 @@ def test_phase_samples_count_one_more():
 def test_samples_that_are_not_finite(bad):
     values = np.zeros((2000, 3))
     values[1234, 1] = bad
-    with pytest.raises(
-        ValueError, match="holds samples that are not finite; bridge or cut them first"
-    ):
-        allan_deviation(values, 100.0)
+    message = r"holds samples that are not finite; bridge or cut them first \(.* sample 1234\)"
+    for phase in (False, True):
+        with pytest.raises(ValueError, match=message):
+            allan_deviation(values, 100.0, phase=phase)
+
+
+def test_constant_data():
+    assert (allan_deviation(np.full(2000, 9.81), 100.0).deviation < 1e-14).all()
 
 
 @pytest.mark.parametrize("cluster", [0, -3, 501, 10**6])
