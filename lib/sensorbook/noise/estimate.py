@@ -5,24 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg, ndimage, optimize, stats
+from scipy import linalg, optimize, stats
 
 from sensorbook.estimate import Estimate
+from sensorbook.noise.agreement import MISFIT_SIZE, worst_departure
 from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
+from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, Misfit, NoiseEstimate
-from sensorbook.noise.lowpass import LowPass
 
 # A term is stated where its estimate exceeds this many standard errors of what chance shows without it.
 # Estimates at long cluster times are skewed: of 4900 simulated records without K, 21 state it; ramps and
 # quantisation none.
 PRESENT = 4.0
 STRETCHES = 4  # of departures that are kept from the terms
-MISFIT_SIGMA, MISFIT_SIZE = (
-    4.0,
-    0.05,
-)  # a departure is told where it is both significant and visible
 # Neighbouring cluster times are so alike that their correlation, a quadrature, is close to singular:
 # eigenvalues below this are raised to it. It costs efficiency, not validity: intervals are a sandwich.
 SMALLEST = 0.02
@@ -170,7 +167,7 @@ def _fit_axis(curve: AllanCurve, variance: np.ndarray, low_pass: LowPass | None)
         else:
             terms[name] = None
             bounds[name] = float(np.sqrt(_bound(fit, names, squares, name)))
-    edf, band = _confidence(curve, variance, squares, fit.used)
+    edf, band = _limits(curve, variance, squares, fit.used)
     used = (float(fit.tau[0]), float(fit.tau[-1]))
     return AxisNoise(terms, bounds, used, misfit, squares, edf, band)
 
@@ -322,38 +319,31 @@ def _bound(fit, names, squares, name) -> float:
 
 def _misfit(fit: _Fit, names, squares) -> tuple[Misfit | None, np.ndarray]:
     """The worst stretch in which the curve departs from the terms; |σ/model − 1| there, else zero."""
-    columns = np.stack([fit.columns[n] for n in names], axis=1)
-    model = columns @ [squares[n] for n in names]
     points = slice(len(fit.tau))
+    model = sum(squares[n] * fit.columns[n] for n in names)[points]
     # A model that a negative 1/τ² drives to zero or below is a departure of its own.
-    model = np.maximum(model, 1e-3 * fit.observed)[points]
-    ratio = fit.observed[points] / model
-    size = np.sqrt(ratio) - 1
-    # Variances are χ², skewed where the degrees of freedom are few: Wilson and Hilferty's cube root.
-    share = np.diag(fit.covariance(squares, missed=False))[points] / (9 * model**2)
-    z = (np.cbrt(ratio) - (1 - share)) / np.sqrt(share)
-    away = (np.abs(z) > MISFIT_SIGMA) & (np.abs(size) > MISFIT_SIZE)
-    away &= (
-        fit.missed == 0 if (fit.missed == 0).any() else True
-    )  # what is known to be missed is told
-    if not away.any():
-        return None, np.zeros(len(size))
-    # What is added to the noise lifts the curve; the fit, drawn up by it, lies above the rest.
-    lifted = away & (z > 0) if (away & (z > 0)).any() else away
-    worst = int(np.argmax(np.where(lifted, np.abs(z), 0)))
-    stretch = ndimage.label(lifted)[0]
-    told = stretch == stretch[worst]
-    tau = fit.tau[told]
-    found = Misfit((float(tau[0]), float(tau[-1])), float(fit.tau[worst]), float(size[worst]))
-    return found, np.where(told, np.abs(size), 0.0)
+    model = np.maximum(model, 1e-3 * fit.observed[points])
+    share = np.diag(fit.covariance(squares, missed=False))[points] / model**2
+    return worst_departure(fit.tau, fit.observed[points], model, share, told=fit.missed > 0)
 
 
-def _confidence(curve: AllanCurve, variance, squares, used) -> tuple[np.ndarray, np.ndarray]:
+def _limits(curve: AllanCurve, variance, squares, used) -> tuple[np.ndarray, np.ndarray]:
     """Equivalent degrees of freedom (T,) and 95 % limits (T, 2) of the whole curve."""
     covariance = variance_covariance(curve.clusters, curve.samples, curve.rate, squares)
     model = sum(v * TERMS[n].variance(curve.tau) for n, v in squares.items())
     # Within the low-pass's reach the terms say nothing: the measured variance stands in.
     stated = np.isin(np.arange(len(model)), used) & (model > 0)
-    edf = 2 * np.where(stated, model, variance) ** 2 / np.diag(covariance)
+    return confidence(variance, np.diag(covariance) / np.where(stated, model, variance) ** 2)
+
+
+def confidence(variance: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Equivalent degrees of freedom (T,) and 95 % limits (T, 2) of the deviation.
+
+    Parameters
+    ----------
+    variance : (T,) Allan variance
+    share : (T,) variance of its estimate over its square
+    """
+    edf = 2 / share
     limits = [np.sqrt(variance * edf / stats.chi2.ppf(q, edf)) for q in (0.975, 0.025)]
     return edf, np.stack(limits, axis=1)

@@ -2,44 +2,145 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sensorbook.errors import Refusal
 from sensorbook.estimate import Estimate
+from sensorbook.noise.agreement import binned_variance, worst_departure
 from sensorbook.noise.allan import AllanCurve, allan_deviation
-from sensorbook.noise.estimate import fit_terms
+from sensorbook.noise.cosine import CosineSpectrum, cosine_spectrum
+from sensorbook.noise.covariance import variance_covariance
+from sensorbook.noise.disturbances import (
+    Periodic,
+    Shock,
+    bridge,
+    find_bands,
+    find_shocks,
+    take_out_lines,
+)
+from sensorbook.noise.estimate import confidence, fit_terms
+from sensorbook.noise.lowpass import LowPass, low_pass_of
+from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
-from sensorbook.noise.lowpass import LowPass, find_low_pass
+from sensorbook.noise.whittle import REACH, fit_spectrum
 
 LEAST_EDF = 10.0  # a deviation with fewer degrees of freedom is uncertain by more than a quarter
+LEAST_LEFT = 0.1  # share of the Allan variance that is left where periodic components are taken off
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """Allan curve of a rest, the low-pass of each axis and the noise terms."""
+    """What a rest consists of.
 
-    curve: AllanCurve
-    low_passes: tuple[LowPass | None, ...]
+    Attributes
+    ----------
+    fit : noise terms from the spectrum, by maximum likelihood; what a report states
+    allan_fit : the same from a weighted fit of the Allan curve
+    curve : Allan curve, shocks and steady lines taken out of the record first
+    quiet : the same less what periodic bands add to it: what the Allan curve's fit sees
+    spectrum : cosine spectrum of that record
+    kept_out : for each axis (F,) mask of the spectrum's bins that are left out of the terms
+    low_passes : for each axis, None where its floor is level
+    shocks : stretches bridged by straight lines, of all axes
+    periodic : for each axis, the strongest first
+    """
+
     fit: NoiseEstimate
+    allan_fit: NoiseEstimate
+    curve: AllanCurve
+    quiet: AllanCurve
+    spectrum: CosineSpectrum
+    kept_out: tuple[np.ndarray, ...]
+    low_passes: tuple[LowPass | None, ...]
+    shocks: tuple[Shock, ...]
+    periodic: tuple[tuple[Periodic, ...], ...]
 
     def _repr_html_(self) -> str:
         return self.fit._repr_html_()
 
 
 def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identified:
-    """Noise terms of a rest, with the low-pass it has been through taken into account.
+    """Noise terms of a rest; shocks, periodic components and the low-pass are kept from them.
 
     Parameters
     ----------
     values : (N, A) evenly sampled, SI
     rate : Hz
     sensor : its name, for units
+
+    Raises
+    ------
+    Refusal
+        fewer than 1000 samples, a constant axis, or a record that is no rest
+    ValueError
+        samples that are not finite
     """
-    curve = allan_deviation(values, rate, sensor=sensor)
-    columns = np.asarray(values, dtype=float).reshape(len(values), -1).T
-    low_passes = tuple(find_low_pass(column, rate) for column in columns)
-    return Identified(curve, low_passes, fit_terms(curve, low_passes))
+    values = np.asarray(values).reshape(len(values), -1)
+    allan_deviation(values[:1000], rate)  # too short, or not finite: said before the work begins
+    for name, column in zip("xyz", values.T, strict=False):
+        if np.ptp(column) == 0:
+            raise Refusal(
+                f"Axis {name} is constant: every sample is {column[0]:g}.",
+                "Record again with the sensor running, at a finer resolution.",
+            )
+    shocks = find_shocks(values, rate)
+    calm = [take_out_lines(column, rate) for column in bridge(values, shocks, rate).T]
+    record = np.stack([column for column, _ in calm], axis=1)
+    spectrum, curve = cosine_spectrum(record, rate), allan_deviation(record, rate, sensor=sensor)
+    bands = [find_bands(spectrum, i) for i in range(record.shape[1])]
+    kept_out = tuple(mask for mask, _ in bands)
+    low_passes = tuple(low_pass_of(spectrum, i, ~mask) for i, mask in enumerate(kept_out))
+    fit = fit_spectrum(spectrum, sensor, kept_out, low_passes)
+    parts = [
+        _against_curve(curve, spectrum, i, axis, mask, low_pass)
+        for i, (axis, mask, low_pass) in enumerate(zip(fit.axes, kept_out, low_passes, strict=True))
+    ]
+    added = np.stack([part for _, part in parts], axis=1)
+    least = LEAST_LEFT * curve.deviation**2
+    quiet = replace(curve, deviation=np.sqrt(np.maximum(curve.deviation**2 - added, least)))
+    return Identified(
+        fit=replace(fit, axes=tuple(axis for axis, _ in parts)),
+        allan_fit=fit_terms(quiet, low_passes),
+        curve=curve,
+        quiet=quiet,
+        spectrum=spectrum,
+        kept_out=kept_out,
+        low_passes=low_passes,
+        shocks=shocks,
+        periodic=tuple(
+            tuple(sorted([*lines, *found], key=lambda p: -p.amplitude))
+            for (_, lines), (_, found) in zip(calm, bands, strict=True)
+        ),
+    )
+
+
+def _against_curve(
+    curve: AllanCurve, spectrum: CosineSpectrum, i: int, axis: AxisNoise, mask, low_pass
+) -> tuple[AxisNoise, np.ndarray]:
+    """The axis's terms held against its Allan curve, and (T,) what its periodic bands add to that.
+
+    Where the spectrum was not used, above the low-pass's reach and in the bands, it stands for itself.
+    """
+    f, power = spectrum.frequency, spectrum.density[:, i]
+    step = 1 / spectrum.rate
+    level = axis.model.spectrum(f, step)
+    shaped = level * (low_pass.power(f) if low_pass else 1.0)
+    below = f <= REACH * low_pass.cutoff if low_pass else np.ones_like(mask)
+    excess = np.where(mask, np.maximum(power - shaped, 0.0), 0.0)
+    change = np.where(below, shaped, power) - level
+    width = spectrum.lines * spectrum.rate / (2 * spectrum.samples)
+    added = binned_variance(f, width, np.where(below, excess, 0.0), curve.clusters, spectrum.rate)
+    terms = sum(v * TERMS[n].variance(curve.tau) for n, v in axis.squares.items())
+    variance = terms + added
+    variance += binned_variance(f, width, change, curve.clusters, spectrum.rate)
+    variance = np.maximum(variance, 1e-6 * curve.deviation[:, i] ** 2)
+    covariance = variance_covariance(curve.clusters, curve.samples, curve.rate, axis.squares)
+    share = np.diag(covariance) / terms**2
+    misfit, _ = worst_departure(curve.tau, curve.deviation[:, i] ** 2, variance, share)
+    edf, band = confidence(curve.deviation[:, i] ** 2, share)
+    return replace(axis, misfit=misfit, edf=edf, band=band, variance=variance), added
 
 
 def best_averaging(curve: AllanCurve, axis: AxisNoise, deviation: np.ndarray):

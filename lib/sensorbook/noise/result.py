@@ -61,6 +61,11 @@ class AxisNoise:
         """The values alone, zero where a term is absent."""
         return NoiseTerms(**{name: e.value if e else 0.0 for name, e in self.terms.items()})
 
+    @property
+    def model(self) -> NoiseTerms:
+        """Everything fitted, terms too weak to be stated included."""
+        return NoiseTerms(**{name: max(v, 0.0) ** 0.5 for name, v in self.squares.items()})
+
 
 @dataclass(frozen=True, eq=False)
 class NoiseEstimate:

@@ -10,9 +10,9 @@ from sensorbook.estimate import Estimate
 from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.estimate import usable
+from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import FLAT, TERMS
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
-from sensorbook.noise.lowpass import LowPass
 
 READ_REACH = 10.0  # shortest cluster time, in units of the low-pass's 1/f_c (A3: τ ≫ 1/f_c)
 
