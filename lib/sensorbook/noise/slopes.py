@@ -1,0 +1,170 @@
+"""The slopes of the Allan curve, found automatically (work A leaves it to future work, 7.3).
+
+A smoothing spline that knows the curve's own error gives the slope at every cluster time and how well it
+is known; ranges are stated where it runs with a nominal slope by more than chance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy import interpolate, special
+
+from sensorbook.estimate import Estimate
+from sensorbook.noise.covariance import variance_covariance
+from sensorbook.noise.estimate import SMALLEST, usable
+from sensorbook.noise.identify import Identified
+from sensorbook.noise.model import TERMS
+
+# Nominal slopes are 0.5 apart. A range is stated where the curve is nowhere further than TOLERANCE from
+# one of them and where its mean slope is nearer to that one than to any other with 95 % certainty.
+TOLERANCE, CELL = 0.15, 0.25
+LEAST_DECADES = 0.5  # N and K alone hold a slope within 0.15 of zero for 0.27 decades: no flat
+# Weight of curvature² against misfit². The mean square curvature of the bend from N to K, over the two
+# e-folds it takes, is 1/10: a stiffer spline would cut such bends where the curve is known badly.
+STIFFNESS = np.geomspace(0.01, 10, 7)
+GRID = 40  # points a decade on which the ends of a range are sought
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothCurve:
+    """Smoothing spline of log σ in log τ with its uncertainty.
+
+    Attributes
+    ----------
+    through : natural cubic spline through unit vectors at the knots: linear in what stands there
+    mean, covariance : (T,) and (T, T), log σ at the knots
+    """
+
+    through: interpolate.CubicSpline
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    def deviation(self, tau: np.ndarray) -> np.ndarray:
+        """σ at `tau` (s)."""
+        return np.exp(self.through(np.log(tau)) @ self.mean)
+
+    def slope(self, tau: np.ndarray) -> np.ndarray:
+        """d log σ / d log τ."""
+        return self.through(np.log(tau), 1) @ self.mean
+
+    def slope_std(self, tau: np.ndarray) -> np.ndarray:
+        """Standard error of the slope."""
+        rows = self.through(np.log(tau), 1)
+        return np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows))
+
+    def mean_slope(self, low: float, high: float) -> Estimate:
+        """Between two cluster times (s), with its 95 % interval."""
+        row = np.diff(self.through(np.log([low, high])), axis=0)[0] / np.log(high / low)
+        value, reach = row @ self.mean, 1.96 * np.sqrt(row @ self.covariance @ row)
+        return Estimate(*map(float, (value, value - reach, value + reach)))
+
+
+def sensor_points(identified: Identified, axis: str) -> np.ndarray:
+    """Indices of the cluster times outside the low-pass's reach."""
+    low_pass = identified.low_passes["xyz".index(axis)]
+    return np.flatnonzero(usable(identified.curve, low_pass))
+
+
+def smooth_curve(
+    identified: Identified, axis: str, points: np.ndarray | None = None
+) -> SmoothCurve:
+    """Smoothing spline through the Allan curve of one axis.
+
+    The points count by their full covariance (`covariance`), and curvature costs as much as is likeliest
+    (restricted likelihood), within `STIFFNESS`. The spline is a posterior mean; 1.96 standard errors of its
+    slope held the true slope in COVERAGE of simulated records.
+
+    Parameters
+    ----------
+    points : indices of the cluster times used; `sensor_points` where None
+    """
+    points = sensor_points(identified, axis) if points is None else points
+    curve, noise, i = identified.curve, identified.fit[axis], "xyz".index(axis)
+    edf = noise.edf[points]
+    x = np.log(curve.tau[points])
+    # Variances are χ²: their logarithm is low by this on average, and scatters by its trigamma.
+    y = np.log(curve.deviation[points, i]) + (np.log(edf / 2) - special.psi(edf / 2)) / 2
+    std = np.sqrt(special.polygamma(1, edf / 2)) / 2
+    c = variance_covariance(curve.clusters, curve.samples, curve.rate, noise.squares)
+    c = c[np.ix_(points, points)]
+    root = np.sqrt(np.diag(c))
+    values, vectors = np.linalg.eigh(c / np.outer(root, root))
+    whiten = (vectors / np.sqrt(np.maximum(values, SMALLEST))).T / std
+    precision = whiten.T @ whiten
+
+    h = np.diff(x)
+    turn = np.zeros((len(x) - 2, len(x)))  # second divided differences, scaled to mean curvature
+    for j, (left, right) in enumerate(pairwise(h)):
+        turn[j, j : j + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right])
+        turn[j] /= np.sqrt((left + right) / 2)
+    penalty = turn.T @ turn
+
+    best = (np.inf, None, None)
+    for stiffness in STIFFNESS:
+        total = precision + stiffness * penalty
+        mean = np.linalg.solve(total, precision @ y)
+        misfit = whiten @ (y - mean)
+        unlikely = misfit @ misfit + stiffness * mean @ penalty @ mean
+        unlikely += np.linalg.slogdet(total)[1] - len(turn) * np.log(stiffness)
+        if unlikely < best[0]:
+            best = (unlikely, mean, total)
+    through = interpolate.CubicSpline(x, np.eye(len(x)), bc_type="natural")
+    return SmoothCurve(through, best[1], np.linalg.inv(best[2]))
+
+
+@dataclass(frozen=True)
+class SlopeRange:
+    """Cluster times in which a curve runs with one of the nominal slopes.
+
+    Attributes
+    ----------
+    slope, term : nominal slope and the noise term it belongs to
+    tau_low, tau_high : ends of the range, s
+    mean_slope : between the ends
+    coefficient : of the term, read off its line laid through the range, SI; holds what other terms add
+    """
+
+    slope: float
+    term: str
+    tau_low: float
+    tau_high: float
+    mean_slope: Estimate
+    coefficient: float
+
+    def line(self, tau: np.ndarray) -> np.ndarray:
+        """σ of the line."""
+        return self.coefficient * np.sqrt(TERMS[self.term].variance(tau))
+
+
+def find_slopes(identified: Identified, axis: str) -> tuple[SlopeRange, ...]:
+    """Where the curve of one axis runs with slope −1, −½, 0, +½ or +1, by increasing τ.
+
+    On the smooth curve (`smooth_curve`) the slope stays within 0.15 of the nominal one for half a
+    decade or more, and its mean over the range is within 0.25 of it with 95 % certainty, so that no other
+    nominal slope is nearer.
+
+    Of 360 simulated records of 10⁵ samples (nine mixtures of N, B and K, forty of each), RATE state
+    a range whose true mean slope is 0.2 or more away from the nominal one.
+    """
+    smooth = smooth_curve(identified, axis)
+    ends = np.log(identified.curve.tau[sensor_points(identified, axis)[[0, -1]]])
+    tau = np.exp(np.linspace(*ends, int(GRID * np.diff(ends)[0] / np.log(10)) + 2))
+    sigma, slope = smooth.deviation(tau), smooth.slope(tau)
+    found = []
+    for name, term in TERMS.items():
+        near = np.abs(slope - term.slope) <= TOLERANCE
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
+        for first, last in zip(edges[::2], edges[1::2] - 1, strict=True):
+            low, high = float(tau[first]), float(tau[last])
+            if high < low * 10**LEAST_DECADES:
+                continue
+            mean = smooth.mean_slope(low, high)
+            if mean.low < term.slope - CELL or mean.high > term.slope + CELL:
+                continue
+            part = slice(first, last + 1)
+            line = np.log(sigma[part]) - np.log(term.variance(tau[part])) / 2
+            found.append(SlopeRange(term.slope, name, low, high, mean, float(np.exp(line.mean()))))
+    return tuple(sorted(found, key=lambda r: r.tau_low))
