@@ -99,8 +99,9 @@ def allan_deviation_of_chunks(
             held -= ROWS
             theta[:, :held] = theta[:, ROWS : ROWS + held]
     clusters = chosen_clusters(clusters, samples, rate)
-    clusters = np.where(clusters > LONGEST, clusters // DECIMATION * DECIMATION, clusters)
-    far = np.unique(clusters[clusters > LONGEST])
+    long = clusters > LONGEST
+    clusters = np.where(long, clusters // DECIMATION * DECIMATION, clusters)
+    far = np.unique(clusters[long])
     coarse = np.concatenate(coarse, axis=1)
     below = np.zeros((len(far), axes))
     for axis in range(axes):
@@ -108,7 +109,7 @@ def allan_deviation_of_chunks(
         below[:, axis] = squared_differences(
             coarse[axis], far // DECIMATION, thinned(far) // DECIMATION
         )
-    # `near` and `far` are sorted, and so are both together.
+    # `near` and `far` are sorted, and so are both together (LONGEST may be in both).
     sums = np.concatenate([sums, below])[np.searchsorted(np.append(near, far), clusters)]
     terms = (samples - 2 * clusters) // thinned(clusters) + 1
     return curve_from_sums(sums, terms, clusters, samples, rate, sensor)

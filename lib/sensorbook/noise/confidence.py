@@ -40,13 +40,15 @@ def confidence_limits(curve: AllanCurve, level: float = 0.95) -> tuple[np.ndarra
         raise ValueError("the degrees of freedom are those of overlapping clusters")
     if len(curve.tau) < 2:
         raise ValueError("a slope needs at least two cluster times")
+    starts = curve.samples - 2 * curve.clusters + 1
     by_type = []
     for name in RANDOM_TERMS:
         covariance = variance_covariance(curve.clusters, curve.samples, curve.rate, {name: 1.0})
         spread = np.diag(covariance) / TERMS[name].variance(curve.tau) ** 2
-        by_type.append(2 / np.clip(spread, None, 2))  # a single square has one degree of freedom
+        # The covariance is an integral over lags, which a single start sample does not have.
+        by_type.append(2 / np.where(starts == 1, 2, np.minimum(spread, 2)))
     # Second differences of quantisation noise do not overlap: thinning leaves so many fewer.
-    by_type[0] *= curve.terms / (curve.samples - 2 * curve.clusters + 1)
+    by_type[0] *= curve.terms / starts
     by_type = np.stack(by_type)
     point = np.arange(len(curve.tau))[:, None]
     edf = np.min(
