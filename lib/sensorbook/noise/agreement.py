@@ -69,5 +69,7 @@ def worst_departure(
     worst = int(np.argmax(np.where(lifted, np.abs(z), 0)))
     stretch = ndimage.label(lifted)[0]
     here = stretch == stretch[worst]
-    found = Misfit((float(tau[here][0]), float(tau[here][-1])), float(tau[worst]), float(size[worst]))
+    found = Misfit(
+        (float(tau[here][0]), float(tau[here][-1])), float(tau[worst]), float(size[worst])
+    )
     return found, np.where(here, np.abs(size), 0.0)

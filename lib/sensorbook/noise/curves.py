@@ -15,10 +15,12 @@ import pandas as pd
 from numpy.polynomial import Chebyshev, chebyshev
 from scipy import interpolate, optimize
 
-from sensorbook.noise.identify import Identified
+from sensorbook.noise.allan import AllanCurve
+from sensorbook.noise.estimate import usable
 from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
-from sensorbook.noise.slopes import sensor_points, smooth_curve
+from sensorbook.noise.result import AxisNoise
+from sensorbook.noise.slopes import smooth_curve
 
 DEGREES = (5, 10, 20)  # work A's polynomials
 ITERATIONS = 20  # of Sanathanan and Koerner; they settle in about ten
@@ -239,7 +241,11 @@ class Comparison:
 
 
 def compare_fits(
-    identified: Identified, axis: str, truth: dict[str, float | None] | None = None
+    curve: AllanCurve,
+    axis: str,
+    noise: AxisNoise,
+    low_pass: LowPass | None = None,
+    truth: dict[str, float | None] | None = None,
 ) -> Comparison:
     """Work A's fits, the same in logarithms, AAA, the spline and the sum of terms on one axis's curve.
 
@@ -248,11 +254,11 @@ def compare_fits(
 
     Parameters
     ----------
+    noise : the axis's terms as the spectrum gives them, without a trace of the low-pass
     truth : SI coefficients by term of a simulated device, None for an absent one; the slopes are then
         compared with theirs (and the low-pass's trace), else with those of the fitted terms
     """
-    curve, noise, i = identified.curve, identified.fit[axis], "xyz".index(axis)
-    used = sensor_points(identified, axis)
+    i, used = "xyz".index(axis), np.flatnonzero(usable(curve, low_pass))
     tau, sigma = curve.tau, curve.deviation[:, i]
     width = np.log(noise.band[:, 1] / noise.band[:, 0]) / 2
 
@@ -260,7 +266,7 @@ def compare_fits(
         return lambda points: method(tau[points], sigma[points], *settings)
 
     def smooth(points):
-        spline = smooth_curve(identified, axis, points)
+        spline = smooth_curve(curve, axis, noise, points)
         return CurveFit("smoothing spline", "log", spline.deviation)
 
     ways = []  # coefficients, and the fit to some points
@@ -271,10 +277,10 @@ def compare_fits(
         # What the curve scatters by: below that there is nothing to approximate.
         (4, lambda points: of(fit_aaa, float(np.median(width[points])))(points)),
         (4, smooth),
-        (0, lambda _: fit_physical(noise.squares)),
+        (0, lambda _: fit_physical(_with_low_pass(noise.squares, low_pass))),
     ]
-    squares = noise.squares if truth is None else _with_low_pass(truth, identified.low_passes[i])
-    reference = fit_physical(squares).slope(tau[used])
+    true = noise.squares if truth is None else {n: v**2 for n, v in truth.items() if v}
+    reference = fit_physical(_with_low_pass(true, low_pass)).slope(tau[used])
     rows = [
         _measure(make, tau, sigma, used, coefficients, reference)
         for coefficients, make in ways
@@ -287,13 +293,12 @@ def compare_fits(
     )
 
 
-def _with_low_pass(truth: dict, low_pass: LowPass | None) -> dict[str, float]:
-    """Squared coefficients of the truth and what the low-pass adds to them: −t_c N²/τ²."""
-    squares = {name: v**2 for name, v in truth.items() if v}
-    if low_pass:
-        trace = -low_pass.correlation_time * squares["random_walk"] / 3
-        squares["quantization"] = squares.get("quantization", 0.0) + trace
-    return squares
+def _with_low_pass(squares: dict[str, float], low_pass: LowPass | None) -> dict[str, float]:
+    """Squared coefficients with what the low-pass adds to σ²: −t_c N²/τ²."""
+    if not low_pass:
+        return squares
+    trace = -low_pass.correlation_time * squares.get("random_walk", 0.0) / 3
+    return squares | {"quantization": squares.get("quantization", 0.0) + trace}
 
 
 def _measure(make, tau, sigma, used, coefficients, reference) -> Measured:

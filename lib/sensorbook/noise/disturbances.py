@@ -170,7 +170,9 @@ def find_bands(spectrum: CosineSpectrum, axis: int) -> tuple[np.ndarray, list[Pe
         out = (stats.chi2.sf(together * ratio, together) < CHANCE) & (ratio > EXCESS) & ~early
         away |= ndimage.binary_dilation(out, iterations=width // 2 + 1)
     away &= p > background
-    away = ndimage.binary_dilation(ndimage.binary_closing(away, iterations=2), iterations=1) & ~early
+    away = (
+        ndimage.binary_dilation(ndimage.binary_closing(away, iterations=2), iterations=1) & ~early
+    )
     found, (labels, count) = [], ndimage.label(away)
     width = lines * spectrum.rate / (2 * spectrum.samples)
     for k in range(1, count + 1):

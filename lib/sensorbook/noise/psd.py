@@ -16,14 +16,15 @@ from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
 
-STAND = 32  # lines that table 5.1 leaves as they are; each octave above keeps half as many points
+STAND = 32  # lines that table 5.1 leaves as they are; each octave above becomes half as many points
 # |Σh² e^{2πikn/N}|²/(Σh²)² of a window h: what two lines k = 1, 2 … apart have of their scatter in common.
 SINE_LINES, HANN_LINES = (1 / 4,), (4 / 9, 1 / 36)
 HANN_SEGMENTS = 1 / 36  # (Σ h_n h_{n+L/2})²/(Σh²)², the same for two segments that overlap by half
-SLOPE_ERROR = 0.25  # standard error to which a local slope must be known
+SLOPE_ERROR = 0.2  # standard error to which a local slope must be known: half the tolerance
 SLOPES = {"random_walk": 0, "bias_instability": -1, "rate_random_walk": -2}  # of log S
 TOLERANCE = 0.4  # of a slope: nearer to this term than to its neighbours, which lie 1 away
 LEAST_OCTAVES = 1.5  # white noise and a random walk alone pass −1 ± 0.4 within 1.2 octaves
+LEAST_LINES = 8  # of a range: fewer would give its coefficient to no better than 40 %
 CLEAR = 0.2  # of the cut-off: below it even a low-pass of first order takes less than 2 % of N
 
 
@@ -35,7 +36,7 @@ class PowerSpectrum:
     ----------
     frequency : (F,) Hz
     density : (F, A) P₁ = 2·S, (unit of the signal)²/Hz
-    dof : (F,) degrees of freedom ν of each point: density is ν-distributed as ``P₁ χ²_ν/ν``
+    dof : (F,) degrees of freedom ν of each point: it scatters as ``P₁ χ²_ν/ν``
     lines : (F,) number of spectral lines that each point is the mean of
     samples : length N of the record
     rate : sampling rate, Hz
@@ -225,7 +226,7 @@ def spectral_slopes(spectrum: PowerSpectrum) -> np.ndarray:
 
     A straight line through the points within half an octave either side, each weighted by the inverse
     variance of its logarithm, ψ'(ν/2), and less that logarithm's bias, ψ(ν/2) − ln(ν/2). Where so few
-    lines give the slope to no better than 0.25, as all low frequencies do, the reach is widened until
+    lines give the slope to no better than 0.2, as all low frequencies do, the reach is widened until
     they do.
     """
     x, half = np.log(spectrum.frequency), spectrum.dof / 2
@@ -238,7 +239,7 @@ def spectral_slopes(spectrum: PowerSpectrum) -> np.ndarray:
     sums = np.vstack([np.zeros(moments.shape[1]), np.cumsum(moments, axis=0)])
     slopes = np.full(spectrum.density.shape, np.nan)
     axes = spectrum.density.shape[1]
-    for reach in np.log(2) / 2 * 2 ** np.arange(0, 4.1, 0.25):
+    for reach in np.geomspace(np.log(2) / 2, x[-1] - x[0] + np.log(2), 60):
         missing = np.flatnonzero(np.isnan(slopes[:, 0]))
         low = np.searchsorted(x, x[missing] - reach - 1e-9)
         high = np.searchsorted(x, x[missing] + reach + 1e-9)
@@ -257,21 +258,21 @@ def read_ranges(
 ) -> tuple[dict[str, slice], ...]:
     """For each axis the points from which each term is read, by term; absent where there are none.
 
-    The run with the most lines, one and a half octaves at least, of points whose local slope is the term's within 0.4;
-    above a fifth of a low-pass's cut-off nothing is read.
+    The run with the most lines, one and a half octaves and eight lines at least, of points whose local
+    slope is within 0.4 of the term's; above a fifth of a low-pass's cut-off nothing is read.
     """
     low_passes = low_passes or (None,) * spectrum.density.shape[1]
-    ranges = []
+    f, ranges = spectrum.frequency, []
     for slopes, low_pass in zip(spectral_slopes(spectrum).T, low_passes, strict=True):
         found = {}
         for term, slope in SLOPES.items():
             fits = (np.abs(slopes - slope) < TOLERANCE) & _clear(spectrum, low_pass)
             steps = np.flatnonzero(np.diff(np.concatenate([[False], fits, [False]])))
             runs = [slice(a, b) for a, b in steps.reshape(-1, 2)]
-            f = spectrum.frequency
             runs = [r for r in runs if f[r][-1] >= 2**LEAST_OCTAVES * f[r][0]]
-            if runs:
-                found[term] = max(runs, key=lambda r: spectrum.lines[r].sum())
+            longest = max(runs, key=lambda r: spectrum.lines[r].sum(), default=slice(0))
+            if spectrum.lines[longest].sum() >= LEAST_LINES:
+                found[term] = longest
         ranges.append(found)
     return tuple(ranges)
 
@@ -286,7 +287,7 @@ def read_off_spectrum(
     From the two-sided S = P₁/2: N = √S on the flat, B = √(2πf S) where the slope is −1, K = 2πf √S
     where it is −2, each as the mean over all lines of its range. Where terms overlap each reading holds
     a share of its neighbours, and a bend from −2 to 0 may pass for a stretch of −1: of thirty simulated
-    hours of white noise and random walk alone, eleven show a B. Intervals hold the statistical error alone.
+    hours of white noise and random walk alone, half show a B. Intervals hold the statistical error alone.
 
     A term without a range is None, with a 95 % upper bound: nowhere can it exceed the whole density.
 

@@ -27,6 +27,22 @@ class Misfit:
     size: float
 
 
+@dataclass(frozen=True)
+class GaussMarkov:
+    """A first-order Gauss–Markov process: autocovariance ``std² e^−|s|/T``.
+
+    Attributes
+    ----------
+    correlation_time : T, s
+    std : standard deviation, SI; its interval holds at this T
+    saved : deviance it saves, twice the gain of log-likelihood
+    """
+
+    correlation_time: Estimate
+    std: Estimate
+    saved: float
+
+
 @dataclass(frozen=True, eq=False)
 class AxisNoise:
     """Noise terms of one axis.
@@ -43,6 +59,7 @@ class AxisNoise:
     variance : (T,) Allan variance that the terms, low-pass and periodic components explain
     frequency_range : frequencies used, Hz; None where the fit is to the Allan curve
     model_error : what the spectrum departs from the terms by beyond chance, relative, rms
+    gauss_markov : the process beside the terms, where one was asked for and found
     """
 
     terms: dict[str, Estimate | None]
@@ -55,6 +72,7 @@ class AxisNoise:
     variance: np.ndarray | None = None
     frequency_range: tuple[float, float] | None = None
     model_error: float = 0.0
+    gauss_markov: GaussMarkov | None = None
 
     @property
     def coefficients(self) -> NoiseTerms:
@@ -132,6 +150,11 @@ def _axis_results(axis: AxisNoise, sensor: str) -> dict:
             )
     if axis.upper_bounds:
         result["upper_bounds"] = {k: float(v) for k, v in axis.upper_bounds.items()}
+    if axis.gauss_markov:
+        result["gauss_markov"] = {
+            "correlation_time": axis.gauss_markov.correlation_time.to_results("s"),
+            "std": axis.gauss_markov.std.to_results(units.si_unit(sensor, "bias_instability")),
+        }
     if axis.misfit:
         m = axis.misfit
         result["misfit"] = {"tau_range": list(m.tau_range), "tau": m.tau, "size": m.size}

@@ -13,10 +13,12 @@ import numpy as np
 from scipy import interpolate, special
 
 from sensorbook.estimate import Estimate
+from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.estimate import SMALLEST, usable
-from sensorbook.noise.identify import Identified
+from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
+from sensorbook.noise.result import AxisNoise
 
 # Nominal slopes are 0.5 apart. A range is stated where the curve is nowhere further than TOLERANCE from
 # one of them and where its mean slope is nearer to that one than to any other with 95 % certainty.
@@ -62,15 +64,7 @@ class SmoothCurve:
         return Estimate(*map(float, (value, value - reach, value + reach)))
 
 
-def sensor_points(identified: Identified, axis: str) -> np.ndarray:
-    """Indices of the cluster times outside the low-pass's reach."""
-    low_pass = identified.low_passes["xyz".index(axis)]
-    return np.flatnonzero(usable(identified.curve, low_pass))
-
-
-def smooth_curve(
-    identified: Identified, axis: str, points: np.ndarray | None = None
-) -> SmoothCurve:
+def smooth_curve(curve: AllanCurve, axis: str, noise: AxisNoise, points: np.ndarray) -> SmoothCurve:
     """Smoothing spline through the Allan curve of one axis.
 
     The points count by their full covariance (`covariance`), and curvature costs as much as is likeliest
@@ -79,10 +73,10 @@ def smooth_curve(
 
     Parameters
     ----------
-    points : indices of the cluster times used; `sensor_points` where None
+    noise : the axis's terms, for the curve's uncertainty
+    points : indices of the cluster times used
     """
-    points = sensor_points(identified, axis) if points is None else points
-    curve, noise, i = identified.curve, identified.fit[axis], "xyz".index(axis)
+    i = "xyz".index(axis)
     edf = noise.edf[points]
     x = np.log(curve.tau[points])
     # Variances are χ²: their logarithm is low by this on average, and scatters by its trigamma.
@@ -139,7 +133,9 @@ class SlopeRange:
         return self.coefficient * np.sqrt(TERMS[self.term].variance(tau))
 
 
-def find_slopes(identified: Identified, axis: str) -> tuple[SlopeRange, ...]:
+def find_slopes(
+    curve: AllanCurve, axis: str, noise: AxisNoise, low_pass: LowPass | None = None
+) -> tuple[SlopeRange, ...]:
     """Where the curve of one axis runs with slope −1, −½, 0, +½ or +1, by increasing τ.
 
     On the smooth curve (`smooth_curve`) the slope stays within 0.15 of the nominal one for half a
@@ -149,8 +145,9 @@ def find_slopes(identified: Identified, axis: str) -> tuple[SlopeRange, ...]:
     Of 360 simulated records of 10⁵ samples (nine mixtures of N, B and K, forty of each), RATE state
     a range whose true mean slope is 0.2 or more away from the nominal one.
     """
-    smooth = smooth_curve(identified, axis)
-    ends = np.log(identified.curve.tau[sensor_points(identified, axis)[[0, -1]]])
+    points = np.flatnonzero(usable(curve, low_pass))
+    smooth = smooth_curve(curve, axis, noise, points)
+    ends = np.log(curve.tau[points[[0, -1]]])
     tau = np.exp(np.linspace(*ends, int(GRID * np.diff(ends)[0] / np.log(10)) + 2))
     sigma, slope = smooth.deviation(tau), smooth.slope(tau)
     found = []

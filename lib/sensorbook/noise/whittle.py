@@ -1,36 +1,30 @@
-"""Noise terms by maximum likelihood on the spectrum of a rest (Whittle 1953).
-
-The lines of the cosine spectrum (`cosine`) are independent normal variables whose variance is the density
-``S(f) = Q²·4/δt sin²πfδt + N² + B²/2πf + K²/(2πf)²`` (A6): what has to be fitted is linear in the squared
-coefficients, none of which can be negative. Minus twice the log-likelihood of bins of ν lines with mean
-power p is ``Σ ν (p/S − 1 − ln p/S)`` up to a constant. A rate ramp is a known shape of the
-lines themselves, not of their variance.
-"""
+"""Noise terms of a rest by maximum likelihood on its spectrum, with intervals and a choice of terms."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize
 
 from sensorbook.estimate import Estimate
 from sensorbook.noise.cosine import CosineSpectrum
+from sensorbook.noise.likelihood import Likelihood
 from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
-from sensorbook.noise.result import AxisNoise, NoiseEstimate
+from sensorbook.noise.result import AxisNoise, GaussMarkov, NoiseEstimate
 
 BASE = ("random_walk", "bias_instability", "rate_random_walk")  # always in the model
-STEPS, SETTLED = 60, 1e-7
 INTERVAL = 3.841  # χ² of one degree of freedom, 95 %
 # What a term must save to be stated. A term that is not there saves nothing in half of all records and
 # χ² of one degree of freedom in the other half (Chernoff 1954): 0.5 % exceed this.
 PRESENT = 6.63
 # A walk of few visible turns looks like a ramp: what the ramp must save beside it.
 RAMP = 15.0
+# A Gauss–Markov process has two parameters, and its correlation time is searched for.
+GAUSS_MARKOV = 20.0
+TIMES = 24  # correlation times tried
 REACH = 0.8  # of the low-pass's cut-off: highest frequency used
-WINDOW = 20  # bins over which a spectrum is held against its model
-DISPERSED = 0.999  # a model fits unless its windows scatter more than so many of a right one's
 
 
 def fit_spectrum(
@@ -38,6 +32,7 @@ def fit_spectrum(
     sensor: str = "",
     kept_out: Sequence[np.ndarray] = (),
     low_passes: Sequence[LowPass | None] = (),
+    gauss_markov: bool = False,
 ) -> NoiseEstimate:
     """Noise terms of each axis by maximum likelihood, with intervals from the profile of the likelihood.
 
@@ -51,18 +46,23 @@ def fit_spectrum(
     spectrum : of the rest (`cosine_spectrum`)
     kept_out : for each axis a mask (F,) of bins that hold periodic components
     low_passes : one for each axis, None where there is none
+    gauss_markov : offers each axis a first-order Gauss–Markov process besides; where the likelihood takes
+        it, the terms are those beside it and the axis's `gauss_markov` is not None
     """
     count = spectrum.density.shape[1]
     kept_out = kept_out or (np.zeros(len(spectrum.lines), dtype=bool),) * count
     low_passes = low_passes or (None,) * count
     axes = [
-        _fit_axis(spectrum, i, ~mask, low_pass)
+        _fit_axis(spectrum, i, ~mask, low_pass, gauss_markov)
         for i, (mask, low_pass) in enumerate(zip(kept_out, low_passes, strict=True))
     ]
-    return NoiseEstimate("whittle", sensor, tuple(axes))
+    method = "whittle_gauss_markov" if gauss_markov else "whittle"
+    return NoiseEstimate(method, sensor, tuple(axes))
 
 
-def _fit_axis(spectrum, axis: int, used: np.ndarray, low_pass: LowPass | None) -> AxisNoise:
+def _fit_axis(
+    spectrum, axis: int, used: np.ndarray, low_pass: LowPass | None, gauss_markov: bool
+) -> AxisNoise:
     if low_pass:
         used = used & (spectrum.frequency <= REACH * low_pass.cutoff)
     likelihood = Likelihood(spectrum, axis, used, low_pass)
@@ -75,6 +75,10 @@ def _fit_axis(spectrum, axis: int, used: np.ndarray, low_pass: LowPass | None) -
         error = more
         likelihood.allow(error)
         names, squares, deviance = _choose(likelihood, low_pass)
+    process = _gauss_markov(likelihood, names, deviance, spectrum) if gauss_markov else None
+    if process:
+        names = (*names, "gauss_markov")
+        squares, deviance = likelihood.fit(names)
     terms: dict[str, Estimate | None] = {}
     bounds = {}
     for name in TERMS:
@@ -90,6 +94,7 @@ def _fit_axis(spectrum, axis: int, used: np.ndarray, low_pass: LowPass | None) -
     frequency = spectrum.frequency[used]
     if "rate_ramp" in squares:
         squares["rate_ramp"] **= 2
+    squares.pop("gauss_markov", None)
     return AxisNoise(
         terms,
         bounds,
@@ -98,6 +103,7 @@ def _fit_axis(spectrum, axis: int, used: np.ndarray, low_pass: LowPass | None) -
         squares=squares,
         frequency_range=(float(frequency[0]), float(frequency[-1])),
         model_error=error,
+        gauss_markov=process,
     )
 
 
@@ -112,173 +118,37 @@ def _choose(likelihood: Likelihood, low_pass) -> tuple[tuple[str, ...], dict[str
     return names, squares, deviance
 
 
-class Likelihood:
-    """One axis's spectrum under any choice of terms.
+def _gauss_markov(
+    likelihood: Likelihood, names: tuple[str, ...], deviance: float, spectrum: CosineSpectrum
+) -> GaussMarkov | None:
+    """The Gauss–Markov process that the likelihood takes beside `names`, None where it takes none.
 
-    `deviance` is minus twice the log-likelihood, less that of a model that follows every bin.
-
-    Parameters
-    ----------
-    spectrum, axis : which column of it
-    used : (F,) mask of the bins to use
-    low_pass : what the noise has been through; its shape is estimated along with the terms
+    Leaves the likelihood at its correlation time.
     """
+    names = (*names, "gauss_markov")
 
-    def __init__(
-        self,
-        spectrum: CosineSpectrum,
-        axis: int,
-        used: np.ndarray,
-        low_pass: LowPass | None = None,
-    ):
-        f = spectrum.frequency[used]
-        w, dt = 2 * np.pi * f, 1 / spectrum.rate
-        self.power, self.counted = spectrum.density[used, axis], spectrum.lines[used]
-        self.lines = self.counted.astype(float)
-        self.ramp, self.ramp_square = spectrum.ramp[used, axis], spectrum.ramp_square[used]
-        gain = low_pass.power(f) if low_pass else np.ones_like(f)
-        self.columns = {
-            "quantization": gain * 4 / dt * np.sin(w * dt / 2) ** 2,
-            "random_walk": gain,
-            "bias_instability": gain * spectrum.flicker[used] / w,
-            "rate_random_walk": gain / w**2,
-        }
-        # To first order what an error of the shape makes of the white floor; of either sign.
-        self.shape = low_pass.derivatives(f) if low_pass else np.empty((len(f), 0))
-        smooth = np.exp(
-            np.convolve(np.pad(np.log(self.power), 10, "edge"), np.ones(21) / 21, "valid")
-        )
-        self.start = (
-            1.8 * smooth
-        )  # the mean of log χ²₁ is −1.27, of many lines 0; weights need no more
+    def fitted(log_time: float) -> tuple[dict[str, float], float]:
+        likelihood.set_correlation_time(np.exp(log_time))
+        return likelihood.fit(names)
 
-    def fit(
-        self, names: Sequence[str], fixed: dict[str, float] | None = None
-    ) -> tuple[dict[str, float], float]:
-        """Maximum likelihood: squared coefficients (R itself for the ramp, signed) and the deviance.
+    # From some samples to where a turn of it would still be seen in the record.
+    tried = np.linspace(*np.log([5 / spectrum.rate, spectrum.samples / spectrum.rate / 5]), TIMES)
+    found = [fitted(t)[1] for t in tried]
+    near = tried[max(0, np.argmin(found) - 1)], tried[min(TIMES - 1, np.argmin(found) + 1)]
+    best = optimize.minimize_scalar(lambda t: fitted(t)[1], bounds=near, options={"xatol": 1e-3})
+    if deviance - best.fun < GAUSS_MARKOV:
+        return None
 
-        Iteratively reweighted non-negative least squares, which is Fisher scoring under the constraint.
+    def excess(t: float) -> float:
+        return fitted(t)[1] - best.fun - INTERVAL
 
-        Parameters
-        ----------
-        names : terms to estimate
-        fixed : terms held at a squared coefficient (the ramp at R)
-        """
-        fixed = fixed or {}
-        varied = [n for n in names if n not in fixed and n != "rate_ramp"]
-        a = np.column_stack([*(self.columns[n] for n in varied), self.shape, -self.shape])
-        offset = sum((v * self.columns[n] for n, v in fixed.items() if n != "rate_ramp"), 0.0)
-        slope = fixed.get("rate_ramp", 0.0)
-        free = "rate_ramp" in names and "rate_ramp" not in fixed
-        model, x, previous = None, None, np.inf
-        for _ in range(STEPS):
-            weight = self.start if model is None else model
-            if free:
-                slope = np.sum(self.lines * self.ramp / weight)
-                slope /= np.sum(self.lines * self.ramp_square / weight)
-            power = self.power - 2 * slope * self.ramp + slope**2 * self.ramp_square
-            found = _weighted_nnls(a, power - offset, np.sqrt(self.lines) / weight)
-            step = 1.0 if model is None else None
-            x, model, deviance = self._advance(a, offset, power, x, found, model, step)
-            if previous - deviance < SETTLED * max(1.0, abs(deviance)):
-                break
-            previous = deviance
-        squares = dict(zip(varied, x[: len(varied)], strict=True))
-        if "rate_ramp" in names:
-            squares["rate_ramp"] = slope
-        return {n: float(v) for n, v in (fixed | squares).items()}, float(deviance)
-
-    def _advance(self, a, offset, power, x, found, model, step):
-        """The step towards `found` that lowers the deviance: whole, or halved until it does."""
-        least = 1e-6 * self.start  # where the terms vanish the likelihood would, too
-        if step:
-            new = np.maximum(a @ found + offset, least)
-            return found, new, self._deviance(power, new)
-        before = self._deviance(power, model)
-        for half in range(12):
-            t = 0.5**half
-            trial = x + t * (found - x)
-            new = np.maximum(a @ trial + offset, least)
-            deviance = self._deviance(power, new)
-            if deviance <= before:
-                return trial, new, deviance
-        return x, model, before
-
-    def _deviance(self, power: np.ndarray, model: np.ndarray) -> float:
-        # `self.power` in the logarithm: the ramp changes what is explained, not what was measured.
-        return float(np.sum(self.lines * (power / model - 1 - np.log(self.power / model))))
-
-    def model(self, squares: dict[str, float]) -> np.ndarray:
-        """(F,) density of these squared coefficients, the shape's error left out."""
-        return sum(v * self.columns[n] for n, v in squares.items() if n in self.columns)
-
-    def profile(
-        self,
-        names: Sequence[str],
-        name: str,
-        squares: dict[str, float],
-        deviance: float,
-        rise: float,
-    ) -> tuple[float, float]:
-        """Where the deviance, the other terms fitted anew, has risen by `rise`: low ≥ 0 and high.
-
-        For the ramp, of |R|.
-        """
-        best = abs(squares[name])
-        sign = -1.0 if name == "rate_ramp" and squares[name] < 0 else 1.0
-
-        def excess(value: float) -> float:
-            return self.fit(names, {name: sign * value})[1] - deviance - rise
-
-        low = 0.0
-        if best > 0 and excess(0.0) > 0:
-            low = optimize.brentq(excess, 0.0, best, xtol=1e-3 * best, rtol=1e-4)
-        top = 1.3 * best or self._scale(name, squares)
-        while excess(top) < 0:
-            best, top = top, 2 * top
-            if top > 1e12 * self._scale(name, squares):
-                return low, top  # the record does not bound the term
-        return low, optimize.brentq(excess, best, top, xtol=1e-3 * top, rtol=1e-4)
-
-    def windows(self, squares: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Power over model in windows of `WINDOW` bins: ratio, its lines, and each window's first bin."""
-        slope = squares.get("rate_ramp", 0.0)
-        power = self.power - 2 * slope * self.ramp + slope**2 * self.ramp_square
-        first = np.arange(0, len(power) - WINDOW + 1, WINDOW)
-        lines = np.add.reduceat(self.counted, first)
-        ratio = np.add.reduceat(self.counted * power / self.model(squares), first) / lines
-        return ratio, lines, first
-
-    def model_error(self, squares: dict[str, float]) -> float:
-        """Relative error of the model, rms over windows, beyond what chance explains; 0 for a model that fits."""
-        ratio, lines, _ = self.windows(squares)
-
-        def scatter(error: float) -> float:
-            # Wilson and Hilferty: the cube root of χ²/ν is all but normal.
-            share = 2 / (9 * lines)
-            return float(np.sum((np.cbrt(ratio) - 1 + share) ** 2 / (share + error**2 / 9)))
-
-        if scatter(0.0) < stats.chi2.ppf(DISPERSED, len(ratio)):
-            return 0.0
-        return optimize.brentq(lambda e: scatter(e) - len(ratio), 0.0, 1e3)
-
-    def allow(self, error: float) -> None:
-        """Lets a window's power err by this share, whatever the number of its lines."""
-        window = np.arange(len(self.counted)) // WINDOW
-        window = np.minimum(window, max(window[-1] - 1, 0))
-        together = np.bincount(window, self.counted)[window]
-        self.lines = self.counted / (1 + together * error**2 / 2)
-
-    def _scale(self, name: str, squares: dict[str, float]) -> float:
-        """A coefficient's standard error with all others known, from Fisher's information."""
-        model = np.maximum(self.model(squares), 1e-6 * self.start)
-        if name == "rate_ramp":
-            return float(np.sum(self.lines * self.ramp_square / model) ** -0.5)
-        return float(np.sum(self.lines * (self.columns[name] / model) ** 2 / 2) ** -0.5)
-
-
-def _weighted_nnls(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    scaled = a * weight[:, None]
-    norm = np.linalg.norm(scaled, axis=0)
-    r = np.linalg.qr(np.column_stack([scaled / norm, weight * b]), mode="r")
-    return optimize.nnls(r[:, :-1], r[:, -1], maxiter=200)[0] / norm
+    ends = [
+        float(np.exp(optimize.brentq(excess, end, best.x, xtol=1e-3) if excess(end) > 0 else end))
+        for end in (tried[0], tried[-1])
+    ]
+    squares, least = fitted(best.x)
+    time = float(np.exp(best.x))
+    interval = likelihood.profile(names, "gauss_markov", squares, least, INTERVAL)
+    # S(0) = (qT)², and the variance of the process is q²T/2.
+    spread = [float(np.sqrt(q2 * time / 2)) for q2 in (squares["gauss_markov"], *interval)]
+    return GaussMarkov(Estimate(time, *ends), Estimate(*spread), float(deviance - least))
