@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize, signal
 
-POLES_PER_DECADE = 2  # sums of as many first-order terms follow 1/f to 0.1 %
+POLES_PER_DECADE = 6  # follows any one first-order process to 3 %; the fit keeps few of them
 ROUNDS = 50  # of reweighting; a dozen do
-HUBER = 3.0  # standard errors from which on a point counts less: spectral lines are no part of the noise
+FAR = 3.0  # standard errors, beyond which a point counts ever less: spectral lines are no part of the noise
 LEAST_PART = 1e-6  # of the density: a term that nowhere reaches it is no term
 
 
@@ -88,7 +88,7 @@ def shaping_filter(
 ) -> ShapingFilter:
     """Filter whose output has a measured density, ``S_out = H S_in Hᵀ*`` with white S_in (A 5.12).
 
-    The density is fitted with ``n² + Σ g_i² ω_i²/(u + ω_i²)``, poles ω_i two a decade, all parts
+    The density is fitted with ``n² + Σ g_i² ω_i²/(u + ω_i²)``, poles ω_i six a decade, all parts
     positive, and ``u = (2 rate sin(πf/rate))²``: ω² as a sampled signal knows it, so that the digital
     filter has this density exactly and needs no further transform. One filter of that density follows by
     spectral factorisation. It is the noise model that a Kalman filter carries as additional states. It
@@ -127,7 +127,7 @@ def shaping_filter(
         gains = optimize.nnls(scaled / size, s * weight / model)[0] / size
         before, model = model, parts @ gains
         departure = np.abs(certainty * (s / model - 1))
-        weight = certainty * np.sqrt(HUBER / np.maximum(departure, HUBER))
+        weight = certainty * FAR / np.maximum(departure, FAR)
         if np.abs(model / before - 1).max() < 1e-6:
             break
     gains[(parts * gains / model[:, None]).max(axis=0) < LEAST_PART] = 0

@@ -76,9 +76,8 @@ def plot_spectrum_read_off(
         value, slope, colour = estimate.axes[i].terms[term].value, SLOPES[term], TERM_COLOURS[term]
         line = 2 * value**2 * (2 * np.pi * f) ** slope / si
         axes.plot(f, line, "--", color=colour, linewidth=1.0)
-        label = (
-            f"{TERMS[term].symbol}, slope {slope:+d}" if slope else f"{TERMS[term].symbol}, flat"
-        )
+        shape = f"slope −{-slope}" if slope else "flat"
+        label = f"{TERMS[term].symbol}, {shape}"
         axes.plot(f[points], line[points], color=colour, linewidth=2.6, alpha=0.75)
         middle = np.sqrt(f[points][0] * f[points][-1])
         level = 2 * value**2 * (2 * np.pi * middle) ** slope / si
