@@ -13,9 +13,9 @@ from sensorbook.errors import Refusal
 MINIMUM_SAMPLES = 1000  # below, not even three octaves of cluster times have an error under 20 %
 EXACT_UP_TO = 2**17  # samples; beyond, start points are thinned unless asked otherwise
 BLOCK = 2**15  # samples; with its differences a block stays within 1 MiB of second-level cache
-DOT = (
-    2**13
-)  # OpenBLAS sums longer vectors in several threads, which can cost far more than it saves
+SHORT = BLOCK // 8  # longest cluster whose first differences are taken once for both uses
+# OpenBLAS sums longer vectors in several threads; on a busy machine that took thousands of times as long.
+DOT = 2**13
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +125,8 @@ def squared_differences(
     ends = ends if stop is None else np.minimum(ends, stop)
     for stride in np.unique(strides).tolist():
         members = [(i, int(clusters[i]), int(ends[i])) for i in np.flatnonzero(strides == stride)]
-        count = max(BLOCK // stride, BLOCK // 8)  # fewer would cost more in calls than in sums
-        buffer = np.empty(count)
+        count = max(BLOCK // stride, BLOCK // 8)  # fewer cost more in calls than in sums
+        buffer, spare = np.empty(count), np.empty(count + SHORT)
         for first in range(0, max(end for _, _, end in members), count * stride):
             for i, m, end in members:
                 last = min(first + count * stride, end)
@@ -134,9 +134,14 @@ def squared_differences(
                     continue
                 middle = theta[first + m : last + m : stride]
                 second = buffer[: len(middle)]
-                np.subtract(theta[first + 2 * m : last + 2 * m : stride], middle, out=second)
-                np.subtract(second, middle, out=second)
-                np.add(second, theta[first:last:stride], out=second)
+                if stride == 1 and m <= SHORT:
+                    once = spare[: len(middle) + m]
+                    np.subtract(theta[first + m : last + 2 * m], theta[first : last + m], out=once)
+                    np.subtract(once[m:], once[:-m], out=second)
+                else:
+                    np.subtract(theta[first + 2 * m : last + 2 * m : stride], middle, out=second)
+                    np.subtract(second, middle, out=second)
+                    np.add(second, theta[first:last:stride], out=second)
                 for j in range(0, len(second), DOT):
                     part = second[j : j + DOT]
                     sums[i] += part @ part
