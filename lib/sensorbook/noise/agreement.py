@@ -73,3 +73,27 @@ def worst_departure(
         (float(tau[here][0]), float(tau[here][-1])), float(tau[worst]), float(size[worst])
     )
     return found, np.where(here, np.abs(size), 0.0)
+
+
+def outside_band(
+    tau: np.ndarray, band: np.ndarray, deviation: np.ndarray, model: np.ndarray
+) -> tuple[Misfit, ...]:
+    """Stretches of an octave or more over which a model lies outside a curve's confidence band.
+
+    Parameters
+    ----------
+    tau, deviation, model : (T,) cluster times, s, and Allan deviations measured and explained
+    band : (T, 2) confidence limits of the measured one
+    """
+    outside = (model < band[:, 0]) | (model > band[:, 1])
+    labels, count = ndimage.label(outside)
+    found = []
+    for k in range(1, count + 1):
+        here = np.flatnonzero(labels == k)
+        if tau[here[-1]] < 2 * tau[here[0]]:
+            continue
+        size = deviation[here] / model[here] - 1
+        worst = int(np.argmax(np.abs(size)))
+        ends = float(tau[here[0]]), float(tau[here[-1]])
+        found.append(Misfit(ends, float(tau[here[worst]]), float(size[worst])))
+    return tuple(found)

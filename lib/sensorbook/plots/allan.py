@@ -23,7 +23,7 @@ def plot_curves(
 ) -> Axes:
     """Allan deviation of every axis, with its 95 % band where an estimate gives it."""
     axes = new_axes(axes)
-    label, si = _deviation_unit(curve.sensor)
+    label, si = deviation_unit(curve.sensor)
     for i, (name, y) in enumerate(zip("xyz", curve.deviation.T, strict=False)):
         axes.plot(curve.tau, y / si, LINES[name], color=COLOURS[name], label=name)
         if estimate:
@@ -42,7 +42,7 @@ def plot_terms(
 ) -> Axes:
     """The curve of one axis with the fitted sum and the terms it consists of."""
     axes = new_axes(axes)
-    label, si = _deviation_unit(curve.sensor)
+    label, si = deviation_unit(curve.sensor)
     i = "xyz".index(axis)
     found, tau, y = estimate.axes[i], curve.tau, curve.deviation[:, i]
     low, high = found.band.T / si
@@ -76,7 +76,7 @@ def plot_read_off(
 ) -> Axes:
     """The curve of one axis with work A's lines and the points at which they are read."""
     axes = new_axes(axes)
-    label, si = _deviation_unit(curve.sensor)
+    label, si = deviation_unit(curve.sensor)
     i = "xyz".index(axis)
     tau, y = curve.tau, curve.deviation[:, i]
     axes.plot(tau, y / si, color=COLOURS[axis], linewidth=1.6, label="measured")
@@ -98,5 +98,5 @@ def plot_read_off(
     return axes
 
 
-def _deviation_unit(sensor: str) -> tuple[str, float]:
+def deviation_unit(sensor: str) -> tuple[str, float]:
     return units.field_unit(sensor, "bias_instability") if sensor else ("SI", 1.0)

@@ -68,7 +68,7 @@ def assemble(
     for record in records:
         sensor, slug, status = record["sensor"], record["chapter"], record["status"]
         if status == "complete":
-            found.setdefault(sensor, {}).update(record["results"])
+            merge(found.setdefault(sensor, {}), record["results"])
         elif status == "refused":
             reason = {"reason": record["reason"]}
             if result_of[slug] == "calibration":
@@ -108,6 +108,15 @@ def assemble(
         "chapters": listed,
         "problems": list(problems),
     }
+
+
+def merge(into: dict[str, Any], results: dict[str, Any]) -> None:
+    """Adds a chapter's results; what several chapters state by method stands side by side."""
+    for key, value in results.items():
+        if key.endswith("_methods"):
+            into.setdefault(key, {}).update(value)
+        else:
+            into[key] = value
 
 
 def checks(sensor: str, limits: dict[str, dict], result: dict[str, Any]) -> list[dict[str, Any]]:
