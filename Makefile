@@ -22,7 +22,8 @@ lab: .venv/.installed
 	$(BIN)/jupyter lab notebooks
 
 bench: .venv/.installed-for-tests
-	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+	@for file in benchmarks/*.py; do echo "== $$file"; \
+	  OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python $$file || exit 1; done
 
 format: .venv/.installed-for-tests
 	$(BIN)/ruff format
