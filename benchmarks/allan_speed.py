@@ -85,7 +85,7 @@ def in_memory(samples: int, rng: np.random.Generator) -> None:
     values = rng.standard_normal(samples)
     clusters = np.unique(np.round(np.geomspace(1, samples // 5, 109)).astype(np.int64))
     theirs, peer = best_of(
-        5, lambda: allantools.oadev(values, rate=1.0, data_type="freq", taus=clusters)[1]
+        lambda: allantools.oadev(values, rate=1.0, data_type="freq", taus=clusters)[1]
     )
     print(
         f"{samples:.0e} samples, {len(clusters)} cluster times up to T/5: allantools.oadev "
@@ -93,7 +93,7 @@ def in_memory(samples: int, rng: np.random.Generator) -> None:
     )
     for name, exact, goal in (("exact", True, 3.5), ("default", None, 12)):
         own, curve = best_of(
-            5, lambda exact=exact: allan_deviation(values, 1.0, clusters, exact=exact)
+            lambda exact=exact: allan_deviation(values, 1.0, clusters, exact=exact)
         )
         tracemalloc.start()
         allan_deviation(values, 1.0, clusters, exact=exact)
@@ -114,7 +114,7 @@ def in_memory(samples: int, rng: np.random.Generator) -> None:
     for axes, dtype in ((1, np.float32), (1, np.int16), (3, np.float32)):
         other = (1000 * values[: samples // axes * axes].reshape(-1, axes)).astype(dtype)
         some = clusters[clusters <= len(other) // 5]
-        own, _ = best_of(5, lambda other=other, some=some: allan_deviation(other, 1.0, some))
+        own, _ = best_of(lambda other=other, some=some: allan_deviation(other, 1.0, some))
         tracemalloc.start()
         allan_deviation(other, 1.0, some)
         peak = tracemalloc.get_traced_memory()[1] / (8 * len(other))
@@ -125,10 +125,10 @@ def in_memory(samples: int, rng: np.random.Generator) -> None:
         )
 
 
-def best_of(repeats: int, function):
-    """Shortest time of several runs, s, and the result."""
+def best_of(function):
+    """Shortest time of five runs, s, and the result."""
     times = []
-    for _ in range(repeats):
+    for _ in range(5):
         start = time.perf_counter()
         result = function()
         times.append(time.perf_counter() - start)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sensorbook import Refusal
 from sensorbook.noise import allan_deviation, cluster_sizes
-from sensorbook.noise.allan import EXACT_UP_TO, thinned
+from sensorbook.noise.allan import BLOCK, EXACT_UP_TO, SHORT, thinned
 
 
 def nbs14() -> np.ndarray:
@@ -126,7 +126,21 @@ def test_white_noise_expectation(overlapping):
     np.testing.assert_allclose(mean, 0.01 / np.sqrt(curve.tau), rtol=4 * 0.008)
 
 
-# ---- thinned start points ----
+# ---- blocks and thinned start points ----
+
+
+@pytest.mark.parametrize("overlapping", [False, True])
+@pytest.mark.parametrize("starts", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
+@pytest.mark.parametrize("cluster", [1, 2, 7, SHORT, SHORT + 1, BLOCK + 3])
+def test_blocks_join(cluster, starts, overlapping):
+    samples = 2 * cluster - 1 + starts
+    theta = np.random.default_rng(23).normal(size=samples + 1)
+    curve = allan_deviation(theta, 1.0, [cluster], phase=True, overlapping=overlapping, exact=True)
+    second = theta[2 * cluster :] - 2 * theta[cluster:-cluster] + theta[: -2 * cluster]
+    second = second[:: 1 if overlapping else cluster]
+    assert curve.terms.tolist() == [len(second)]
+    expected = np.sqrt(np.mean(second**2) / 2) / cluster
+    assert curve.deviation[0, 0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_strides():

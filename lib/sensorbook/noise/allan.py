@@ -226,9 +226,10 @@ def allan_deviation(
     the signal, over every start sample (overlapping, the default) or over every m-th one.
 
     Long records are thinned: from m = 32 on every s-th start sample is used, s the largest power of two
-    up to m/16, and `terms` counts those. That costs at most 0.5 % of the estimator's variance where
-    white noise governs and less under flicker noise and random walk; where quantisation alone
-    governs, as it does only at the shortest cluster times, an estimate loses a factor s.
+    up to m/16, and `terms` counts those. Up to m = N/5 that costs at most 0.5 % of the estimator's
+    variance where white noise governs and less under flicker noise and random walk. Quantisation noise
+    alone, which seldom governs beyond the shortest cluster times, has s times the variance: ask for
+    `exact` there.
 
     Memory beyond the input is one running integral in double precision, whatever the type and the
     number of axes. `allan_stream` is for records that do not fit into memory.
