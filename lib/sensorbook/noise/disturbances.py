@@ -29,7 +29,7 @@ class Shock:
 
     Attributes
     ----------
-    start, stop : its samples, `stop` excluded
+    start, stop : the samples that stand out, `stop` excluded; what rings on around them is not in it
     size : largest departure, robust standard deviations
     """
 
@@ -81,39 +81,42 @@ def find_shocks(values: np.ndarray, rate: float) -> tuple[Shock, ...]:
     rows = np.flatnonzero(size > SHOCK_SIGMAS)
     if not len(rows):
         return ()
-    pad = max(5, round(PADDED * rate))
-    breaks = np.flatnonzero(np.diff(rows) > max(2 * pad, round(JOINED * rate))) + 1
+    breaks = np.flatnonzero(np.diff(rows) > max(2 * _padding(rate), round(JOINED * rate))) + 1
     return tuple(
-        Shock(max(0, int(g[0]) - pad), min(len(values), int(g[-1]) + pad + 1), float(size[g].max()))
-        for g in np.split(rows, breaks)
+        Shock(int(g[0]), int(g[-1]) + 1, float(size[g].max())) for g in np.split(rows, breaks)
     )
 
 
+def _padding(rate: float) -> int:
+    return max(5, round(PADDED * rate))
+
+
 def bridge(values: np.ndarray, shocks: tuple[Shock, ...], rate: float) -> np.ndarray:
-    """(N, A) the signal with straight lines in place of its shocks.
+    """(N, A) the signal with straight lines in place of its shocks and half a second around them.
 
     Raises
     ------
     Refusal
         more than a tenth of the record is shocked
     """
-    shocked = sum(s.stop - s.start for s in shocks)
+    pad = _padding(rate)
+    spans = [(max(0, s.start - pad), min(len(values), s.stop + pad)) for s in shocks]
+    shocked = sum(stop - start for start, stop in spans)
     if shocked > MOST_SHOCKED * len(values):
         raise Refusal(
-            f"{100 * shocked / len(values):.0f} % of the record is knocked or moved, in {len(shocks)} stretches: "
-            "it is not a rest.",
+            f"{100 * shocked / len(values):.0f} % of the record is knocked or moved, in {len(shocks)} "
+            "stretches: it is not a rest.",
             "Record with the sensor clamped to something heavy, far from people and machines.",
         )
     if not shocks:
         return values
     bridged = np.array(values, dtype=float)
-    around = max(5, round(PADDED * rate))
-    for s in shocks:
-        before = bridged[max(0, s.start - around) : s.start]
-        after = np.asarray(values[s.stop : s.stop + around], dtype=float)
+    for start, stop in spans:
+        before = bridged[max(0, start - pad) : start]
+        after = np.asarray(values[stop : stop + pad], dtype=float)
         ends = [np.mean(side, axis=0) for side in (before, after) if len(side)]
-        share = np.linspace(0, 1, s.stop - s.start)[:, None]
-        bridged[s.start : s.stop] = ends[0] * (1 - share) + ends[-1] * share
+        share = np.linspace(0, 1, stop - start)[:, None]
+        bridged[start:stop] = ends[0] * (1 - share) + ends[-1] * share
     return bridged
 
 

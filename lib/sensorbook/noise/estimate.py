@@ -169,7 +169,9 @@ def _fit_axis(curve: AllanCurve, variance: np.ndarray, low_pass: LowPass | None)
             bounds[name] = float(np.sqrt(_bound(fit, names, squares, name)))
     edf, band = _limits(curve, variance, squares, fit.used)
     used = (float(fit.tau[0]), float(fit.tau[-1]))
-    return AxisNoise(terms, bounds, used, misfit, squares, edf, band)
+    total = sum(v * TERMS[n].variance(curve.tau) for n, v in squares.items())
+    total = np.where((curve.tau >= used[0]) & (total > 0), total, np.nan)
+    return AxisNoise(terms, bounds, used, misfit, squares, edf, band, total)
 
 
 def _choose_terms(fit: _Fit) -> tuple[tuple[str, ...], dict[str, float]]:

@@ -56,7 +56,8 @@ class AxisNoise:
     squares : fitted squared coefficients (the one of 1/τ² may be negative), SI
     edf : (T,) equivalent degrees of freedom of the curve
     band : (T, 2) 95 % confidence limits of the curve
-    variance : (T,) Allan variance that the terms, low-pass and periodic components explain
+    variance : (T,) Allan variance that the terms explain, with low-pass and periodic components where the
+        fit is to the spectrum; NaN at cluster times that were not used
     frequency_range : frequencies used, Hz; None where the fit is to the Allan curve
     model_error : what the spectrum departs from the terms by beyond chance, relative, rms
     gauss_markov : the process beside the terms, where one was asked for and found

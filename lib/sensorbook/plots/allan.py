@@ -55,11 +55,7 @@ def plot_terms(
             part = found.terms[name].value * np.sqrt(term.variance(tau))
             text = f"{term.symbol}: {name.replace('_', ' ')}"
             axes.plot(tau, part / si, "--", color=TERM_COLOURS[name], linewidth=1.2, label=text)
-    total = sum(v * TERMS[n].variance(tau) for n, v in found.squares.items())
-    used = (tau >= found.tau_range[0]) & (total > 0)
-    axes.plot(
-        tau[used], np.sqrt(total[used]) / si, color="black", linewidth=1.5, label="sum of terms"
-    )
+    axes.plot(tau, np.sqrt(found.variance) / si, color="black", linewidth=1.5, label="sum of terms")
     if found.tau_range[0] > tau[0]:
         axes.axvspan(tau[0] * 0.9, found.tau_range[0], color=THIRD, alpha=0.15, linewidth=0)
     log_log(axes)

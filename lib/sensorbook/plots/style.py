@@ -30,6 +30,13 @@ def new_row(count: int, height: float = HEIGHT, width: float = WIDTH, **kwargs) 
     return np.atleast_1d(axes)
 
 
+class _Plain(LogFormatter):
+    """0.6 where matplotlib writes 6e-01."""
+
+    def __call__(self, x, pos=None):
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
 def log_log(axes: Axes) -> None:
     """Logarithmic axes with every decade and its parts gridded."""
     axes.set_xscale("log")
@@ -37,7 +44,7 @@ def log_log(axes: Axes) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_locator(LogLocator(subs=np.arange(2, 10), numticks=60))
         # Numbers between the decades where there are few of these.
-        axis.set_minor_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.4)))
+        axis.set_minor_formatter(_Plain(labelOnlyBase=False, minor_thresholds=(2, 0.4)))
         axis.set_tick_params(which="minor", labelsize=7)
     axes.grid(which="major", color="#B8B8B8", linewidth=0.7)
     axes.grid(which="minor", color="#E6E6E6", linewidth=0.4)
