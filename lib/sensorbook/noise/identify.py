@@ -94,8 +94,8 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
     low_passes = tuple(low_pass_of(spectrum, i, ~mask) for i, mask in enumerate(kept_out))
     fit = fit_spectrum(spectrum, sensor, kept_out, low_passes)
     parts = [
-        _against_curve(curve, spectrum, i, axis, mask, low_pass)
-        for i, (axis, mask, low_pass) in enumerate(zip(fit.axes, kept_out, low_passes, strict=True))
+        _against_curve(curve, spectrum, i, axis, mask)
+        for i, (axis, mask) in enumerate(zip(fit.axes, kept_out, strict=True))
     ]
     added = np.stack([part for _, part in parts], axis=1)
     least = LEAST_LEFT * curve.deviation**2
@@ -117,7 +117,7 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
 
 
 def _against_curve(
-    curve: AllanCurve, spectrum: CosineSpectrum, i: int, axis: AxisNoise, mask, low_pass
+    curve: AllanCurve, spectrum: CosineSpectrum, i: int, axis: AxisNoise, mask: np.ndarray
 ) -> tuple[AxisNoise, np.ndarray]:
     """The axis's terms held against its Allan curve, and (T,) what its periodic bands add to that.
 
@@ -126,9 +126,9 @@ def _against_curve(
     f, power = spectrum.frequency, spectrum.density[:, i]
     step = 1 / spectrum.rate
     level = axis.model.spectrum(f, step)
-    shaped = level * (low_pass.power(f) if low_pass else 1.0)
-    below = f <= REACH * low_pass.cutoff if low_pass else np.ones_like(mask)
-    excess = np.where(mask, np.maximum(power - shaped, 0.0), 0.0)
+    below = f <= REACH * axis.low_pass.cutoff if axis.low_pass else np.ones_like(mask)
+    shaped = level * (axis.low_pass.power(f) if axis.low_pass else 1.0)
+    excess = np.where(mask, power - shaped, 0.0)
     change = np.where(below, shaped, power) - level
     width = spectrum.lines * spectrum.rate / (2 * spectrum.samples)
     added = binned_variance(f, width, np.where(below, excess, 0.0), curve.clusters, spectrum.rate)

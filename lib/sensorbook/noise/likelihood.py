@@ -80,7 +80,16 @@ class Likelihood:
         names : terms to estimate
         fixed : terms held at a squared coefficient (the ramp at R)
         """
-        fixed = fixed or {}
+        squares, deviance, _ = self._solve(names, fixed or {})
+        return squares, deviance
+
+    def shift(self, names: Sequence[str]) -> np.ndarray:
+        """(k,) what the white floor asks the low-pass's coefficients to change by, for these terms."""
+        squares, _, shift = self._solve(names, {})
+        floor = squares["random_walk"]
+        return shift / floor if floor > 0 else 0 * shift
+
+    def _solve(self, names: Sequence[str], fixed: dict[str, float]):
         varied = [n for n in names if n not in fixed and n != "rate_ramp"]
         a = np.column_stack([*(self.columns[n] for n in varied), self.shape, -self.shape])
         offset = sum((v * self.columns[n] for n, v in fixed.items() if n != "rate_ramp"), 0.0)
@@ -102,7 +111,9 @@ class Likelihood:
         squares = dict(zip(varied, x[: len(varied)], strict=True))
         if "rate_ramp" in names:
             squares["rate_ramp"] = slope
-        return {n: float(v) for n, v in (fixed | squares).items()}, float(deviance)
+        plus, minus = x[len(varied) :].reshape(2, -1)
+        squares = {n: float(v) for n, v in (fixed | squares).items()}
+        return squares, float(deviance), plus - minus
 
     def _advance(self, a, offset, power, x, found, model, step):
         """The step towards `found` that lowers the deviance: whole, or halved until it does."""

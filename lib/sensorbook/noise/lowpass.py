@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -48,6 +48,11 @@ class LowPass:
         """(F, k) derivatives of |H|² by the coefficients."""
         u, power = (np.asarray(f) / self.scale) ** 2, self.power(f)
         return np.stack([-(power**2) * u**k for k in self.coefficients], axis=-1)
+
+    def shifted(self, change: np.ndarray) -> LowPass:
+        """The same with coefficients changed by so much; cut-off and t_c stay those of the first look."""
+        shape = {k: a + float(d) for (k, a), d in zip(self.coefficients.items(), change, strict=True)}
+        return replace(self, coefficients=shape)
 
 
 def find_low_pass(values: np.ndarray, rate: float) -> LowPass | None:

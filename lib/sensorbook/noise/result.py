@@ -9,6 +9,7 @@ import pandas as pd
 
 from sensorbook import units
 from sensorbook.estimate import Estimate
+from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS, NoiseTerms
 
 
@@ -61,6 +62,7 @@ class AxisNoise:
     frequency_range : frequencies used, Hz; None where the fit is to the Allan curve
     model_error : what the spectrum departs from the terms by beyond chance, relative, rms
     gauss_markov : the process beside the terms, where one was asked for and found
+    low_pass : what the noise has been through, its shape as the spectrum's fit has it
     """
 
     terms: dict[str, Estimate | None]
@@ -74,6 +76,7 @@ class AxisNoise:
     frequency_range: tuple[float, float] | None = None
     model_error: float = 0.0
     gauss_markov: GaussMarkov | None = None
+    low_pass: LowPass | None = None
 
     @property
     def coefficients(self) -> NoiseTerms:

@@ -24,6 +24,7 @@ RAMP = 10.0
 # A Gauss–Markov process has two parameters and is searched for: 1 in 150 records without it saves 11.
 GAUSS_MARKOV = 14.0
 TIMES = 24  # correlation times tried
+SHAPINGS = 2  # first-order corrections of the low-pass's shape to the lines that are used
 REACH = 0.8  # of the low-pass's cut-off: highest frequency used
 
 
@@ -66,6 +67,9 @@ def _fit_axis(
     if low_pass:
         used = used & (spectrum.frequency <= REACH * low_pass.cutoff)
     likelihood = Likelihood(spectrum, axis, used, low_pass)
+    for _ in range(SHAPINGS if low_pass else 0):
+        low_pass = low_pass.shifted(likelihood.shift(BASE))
+        likelihood = Likelihood(spectrum, axis, used, low_pass)
     names, squares, deviance = _choose(likelihood, low_pass)
     error = 0.0
     for _ in range(3):  # what the terms miss changes the weights, these the terms
@@ -104,6 +108,7 @@ def _fit_axis(
         frequency_range=(float(frequency[0]), float(frequency[-1])),
         model_error=error,
         gauss_markov=process,
+        low_pass=low_pass,
     )
 
 

@@ -28,7 +28,8 @@ def plot_spectrum_terms(identified: Identified, axis: str, axes: Axes | None = N
     """The one-sided density of one axis with the terms found, their sum and what was left out."""
     axes = new_axes(axes)
     i, s = "xyz".index(axis), identified.spectrum
-    found, low_pass = identified.fit.axes[i], identified.low_passes[i]
+    found = identified.fit.axes[i]
+    low_pass = found.low_pass
     label, si = units.field_unit(identified.fit.sensor, "signal")
     label, si = f"({label})²/Hz", si**2
     first = _points(s.frequency, s.lines)
