@@ -74,7 +74,7 @@ def _kernels(clusters: tuple[int, ...], samples: int) -> tuple[np.ndarray, np.nd
             m2 = clusters[j]
             n1, n2 = samples - 2 * m1 + 1, samples - 2 * m2 + 1
             shifts = (np.arange(3)[:, None] * m1 - np.arange(3) * m2).ravel()
-            lags, weights = _nodes(m1, m2, 1 - n2, n1 - 1)
+            lags, weights = _nodes(m1, m2, -n2, n1)  # no pair at either end
             r = _second_differences(lags, shifts)
 
             def pairs(lag, n1=n1, n2=n2):
