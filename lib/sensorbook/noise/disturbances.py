@@ -173,9 +173,8 @@ def find_bands(spectrum: CosineSpectrum, axis: int) -> tuple[np.ndarray, list[Pe
         out = (stats.chi2.sf(together * ratio, together) < CHANCE) & (ratio > EXCESS) & ~early
         away |= ndimage.binary_dilation(out, iterations=width // 2 + 1)
     away &= p > background
-    away = (
-        ndimage.binary_dilation(ndimage.binary_closing(away, iterations=2), iterations=1) & ~early
-    )
+    away |= ndimage.binary_closing(away, iterations=2)  # which loses bins at the spectrum's ends
+    away = ndimage.binary_dilation(away) & ~early
     found, (labels, count) = [], ndimage.label(away)
     width = lines * spectrum.rate / (2 * spectrum.samples)
     for k in range(1, count + 1):
@@ -195,9 +194,8 @@ def _background(spectrum: CosineSpectrum, axis: int):
     level = np.log(spectrum.density[:, axis])
     # The median of few lines' mean lies below the density.
     level -= np.log(stats.chi2.median(spectrum.lines) / spectrum.lines)
-    half = min(NEIGHBOURS // 2, len(level) - 1)
-    padded = np.pad(level, half, mode="reflect", reflect_type="odd")
-    smooth = ndimage.median_filter(padded, 2 * half + 1)[half : len(padded) - half]
+    # Beyond the Nyquist frequency a spectrum goes on as its mirror image.
+    smooth = ndimage.median_filter(level, NEIGHBOURS, mode="mirror")
     at = np.log(spectrum.frequency)
     return lambda f: np.exp(np.interp(np.log(f), at, smooth))
 
@@ -221,4 +219,4 @@ def _sinusoid(x, window, power, peak: int, rate: float) -> tuple[float, np.ndarr
             break
         f += float(change)
     angle = 2 * np.pi * f * t
-    return f, a * np.cos(angle) + b * np.sin(angle)
+    return float(f), a * np.cos(angle) + b * np.sin(angle)
