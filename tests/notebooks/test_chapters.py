@@ -65,7 +65,7 @@ def test_demo_is_complete_and_valid(demo):
     assert demo.code == 0, demo.said
     jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text())).validate(demo.results)
     assert {c["status"] for c in demo.results["chapters"]} == {"complete"}
-    assert len(demo.results["chapters"]) == 4
+    assert len(demo.results["chapters"]) == 2 * len(chapters.CHAPTERS)
 
 
 def test_demo_noise_against_truth(demo, demo_folder):
@@ -92,13 +92,32 @@ def test_demo_noise_against_truth(demo, demo_folder):
 
 
 def test_demo_read_off_shows_its_fault_on_x(demo, demo_folder):
-    """Methods A6: read off, B comes out about 1.5× too large on the X axes; the fit does not."""
+    """Methods A6: read off, B comes out about 1.5× too large on the X axes; the fits do not."""
     truth = json.loads((demo_folder / "truth.json").read_text())["noise"]
     for sensor in ("gyroscope", "accelerometer"):
         methods = demo.results["sensors"][sensor]["noise_methods"]
         true = truth[sensor]["x"]["bias_instability"]
         assert 1.3 < methods["read_off"]["x"]["bias_instability"]["value"] / true < 1.8
-        assert 0.7 < methods["allan_fit"]["x"]["bias_instability"]["value"] / true < 1.3
+        for fit in ("allan_fit", "whittle"):
+            assert 0.7 < methods[fit]["x"]["bias_instability"]["value"] / true < 1.3
+
+
+def test_demo_methods_stand_side_by_side_and_the_fits_agree(demo):
+    for found in demo.results["sensors"].values():
+        methods = found["noise_methods"]
+        assert {"read_off", "psd_read_off", "allan_fit", "whittle"} <= set(methods)
+        for axis in "xyz":
+            assert found["noise"][axis]["random_walk"] == methods["whittle"][axis]["random_walk"]
+            for term in ("random_walk", "bias_instability"):
+                one, other = methods["whittle"][axis][term], methods["allan_fit"][axis][term]
+                # Spectrum and Allan curve of one record: within their 95 % intervals.
+                assert one["low"] <= other["high"]
+                assert other["low"] <= one["high"]
+
+
+def test_demo_holds_no_disturbance(demo):
+    for found in demo.results["sensors"].values():
+        assert found["disturbances"] == {"periodic": {"x": [], "y": [], "z": []}, "shocks": []}
 
 
 def test_demo_thermal_against_truth(demo):
@@ -128,11 +147,16 @@ def test_demo_thermal_against_truth(demo):
 
 
 def test_demo_pages_tell_the_demo_s_facts(demo):
-    allan, thermal = demo.page("allan"), demo.page("thermal")
+    allan, thermal, noise = demo.page("allan"), demo.page("thermal"), demo.page("noise")
     assert "The bias's change with temperature is subtracted, relative to 32 °C" in allan
     assert "printed (A 7.3)" in allan
     assert "printed (A 7.1)" in demo.page("allan", "accelerometer")
     assert "no rate random walk is visible" in allan
+    assert "Axis x: N, B, K visible" in noise
+    assert "Axis y: N, B visible; not visible: Q below" in noise
+    assert "No shocks are found" in noise
+    assert "no periodic component stands out" in noise
+    assert "the spectrum scatters about the terms as chance would have it" in noise
     assert "jumps by" in thermal
     assert "On none of the three axes does a jump" not in thermal
     assert "heating only" not in thermal
@@ -169,6 +193,10 @@ def test_plain_device(plain):
     assert "was not simulated: there is no truth" in thermal
     assert "was not simulated: there is no truth" in allan
     assert "the floor is white up to half the sampling rate" in allan
+    noise_page = plain.page("noise")
+    assert "the floor is level up to half the sampling rate; every line is used" in noise_page
+    assert "was not simulated: there is no truth" in noise_page
+    assert "no random walk is visible" in noise_page
     assert any("heating only" in w["message"] for w in plain.results["warnings"])
     slopes = [plain.results["sensors"]["gyroscope"]["thermal"][a] for a in "xyz"]
     for entry, true in zip(slopes, (0.01, -0.02, 0.005), strict=True):
@@ -209,13 +237,53 @@ def test_gaps_are_bridged_and_said(refused):
     assert "bridged" in refused.page("allan")
 
 
-def test_a_sinusoid_is_told(refused):
+def test_a_sinusoid_is_told_and_kept_from_the_terms(refused):
+    periodic = refused.results["sensors"]["gyroscope"]["disturbances"]["periodic"]
+    assert len(periodic["x"]) == 1
+    assert periodic["y"] == periodic["z"] == []
+    line = periodic["x"][0]
+    # A frequency is known to √6 σ/(π A T √n) = 0.00001 Hz, an amplitude to σ √(2/n) = 0.0003 deg/s.
+    assert line["frequency"] == pytest.approx(0.2, abs=5e-5)
+    assert np.degrees(line["amplitude"]) == pytest.approx(0.02, abs=0.0015)
     noise = refused.results["sensors"]["gyroscope"]["noise"]
-    assert "misfit" in noise["x"]
-    assert "misfit" not in noise["y"]
-    assert "Axis x: between" in refused.page("allan")
-    # The hump of a sinusoid of 0.2 Hz lies at τ = 0.37/f ≈ 1.9 s.
-    assert noise["x"]["misfit"]["tau_range"][0] < 1.9 < noise["x"]["misfit"]["tau_range"][1]
+    assert noise["x"]["random_walk"]["value"] == pytest.approx(np.radians(0.005), rel=0.06)
+    assert noise["x"]["bias_instability"] is None
+    page = refused.page("noise")
+    assert "Axis x holds periodic components, kept out of the noise terms: 0.2 Hz" in page
+    assert "Axis y: no periodic component stands out" in page
+    messages = [w["message"] for w in refused.results["warnings"]]
+    assert any(m.startswith("Axis x holds periodic components") for m in messages)
+
+
+def test_a_shock_is_told_and_kept_from_the_terms(tmp_path):
+    static = rest(seconds=600)
+    static["z"][5000:5004] += 3.0  # at 250 s; 130 standard deviations of a sample
+    report = render(write(tmp_path / "knocked", static=static), tmp_path / "reports")
+    found = report.results["sensors"]["gyroscope"]
+    shock = found["disturbances"]["shocks"][0]
+    assert len(found["disturbances"]["shocks"]) == 1
+    assert shock["start"] == pytest.approx(250.0)
+    assert shock["end"] == pytest.approx(250.15)
+    assert "A shock from 250 s to 250.2 s" in report.page("noise")
+    assert found["noise"]["z"]["random_walk"]["value"] == pytest.approx(np.radians(0.005), rel=0.06)
+
+
+def test_two_rests_stand_beside_each_other(tmp_path):
+    device = write(tmp_path / "twice", static=rest(seconds=200))
+    columns = np.column_stack(list(rest(seconds=100, seed=8).values()))
+    np.savetxt(device / "again.csv", columns, "%.9g", ",", header="t,x,y,z,temp", comments="")
+    text = (device / "device.toml").read_text()
+    recording = text[text.index("[[recording]]") :]
+    (device / "device.toml").write_text(text + recording.replace("static.csv", "again.csv"))
+    report = render(device, tmp_path / "reports")
+    assert report.code == 0, report.said
+    runs = report.results["sensors"]["gyroscope"]["noise"]["x"]["runs"]
+    assert [r["file"] for r in runs] == ["static.csv", "again.csv"]
+    for run in runs:  # 2000 samples know N to 1.6 %
+        assert run["random_walk"]["value"] == pytest.approx(np.radians(0.005), rel=0.08)
+    page = report.page("noise")
+    assert "N by rest" in page
+    assert "whether the noise repeats is not known" not in page
 
 
 def test_bad_recording_leaves_the_other_chapter_whole(tmp_path):
@@ -270,6 +338,15 @@ def test_real_device_goes_through(name, real_data, tmp_path):
         # What is known of this recording, to within 2 %.
         for axis, known in zip("xyz", (0.041, 0.043, 0.039), strict=True):
             assert np.degrees(allan[axis][at]) == pytest.approx(known, rel=0.02)
+        disturbances = report.results["sensors"]["accelerometer"]["disturbances"]
+        starts = [s["start"] for s in disturbances["shocks"]]
+        assert starts[:2] == pytest.approx([3.3, 6.8], abs=0.1)
+        for axis in "xyz":
+            periodic = disturbances["periodic"][axis]
+            assert any(p["frequency"] == pytest.approx(0.56, abs=0.01) for p in periodic)
+        page = report.page("noise", "accelerometer")
+        assert "Axis x holds periodic components" in page
+        assert "A shock from 3.32 s" in page or "A shock at 3.3" in page
     else:
         thermal = report.results["sensors"]["gyroscope"]["thermal"]
         assert thermal["y"]["degree"] == 1

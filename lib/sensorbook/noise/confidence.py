@@ -45,7 +45,8 @@ def confidence_limits(curve: AllanCurve, level: float = 0.95) -> tuple[np.ndarra
     for name in RANDOM_TERMS:
         covariance = variance_covariance(curve.clusters, curve.samples, curve.rate, {name: 1.0})
         spread = np.diag(covariance) / TERMS[name].variance(curve.tau) ** 2
-        by_type.append(2 / np.minimum(spread, 2))  # a single difference has one degree of freedom
+        # A single difference has one degree of freedom, to which the covariance, a quadrature, comes near.
+        by_type.append(2 / np.where(starts == 1, 2, np.minimum(spread, 2)))
     # Second differences of quantisation noise do not overlap: thinning leaves so many fewer.
     by_type[0] *= curve.terms / starts
     by_type = np.stack(by_type)

@@ -147,21 +147,41 @@ def find_slopes(
     """
     points = np.flatnonzero(usable(curve, low_pass))
     smooth = smooth_curve(curve, axis, noise, points)
-    ends = np.log(curve.tau[points[[0, -1]]])
-    tau = np.exp(np.linspace(*ends, int(GRID * np.diff(ends)[0] / np.log(10)) + 2))
-    sigma, slope = smooth.deviation(tau), smooth.slope(tau)
+    ends = np.log10(curve.tau[points[[0, -1]]])
+    decades = np.linspace(*ends, int(GRID * np.diff(ends)[0]) + 2)
+    tau = 10**decades
+    slope, reach = smooth.slope(tau), 1.96 * smooth.slope_std(tau)
     found = []
     for name, term in TERMS.items():
-        near = np.abs(slope - term.slope) <= TOLERANCE
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
-        for first, last in zip(edges[::2], edges[1::2] - 1, strict=True):
+        away = np.abs(slope - term.slope)
+        runs: list[tuple[int, int]] = []
+        for first, last in _stretches(away <= TOLERANCE):
+            # A short gap that may be chance does not end a range.
+            start, end = runs[-1] if runs else (first, first)
+            joined = runs and decades[first] - decades[end] < LEAST_DECADES
+            joined = joined and (away[end:first] <= TOLERANCE + reach[end:first]).all()
+            if joined and _certain(smooth.mean_slope(tau[start], tau[last]), term.slope):
+                runs[-1] = (start, last)
+            else:
+                runs.append((first, last))
+        for first, last in runs:
+            if decades[last] - decades[first] < LEAST_DECADES:
+                continue
+            mean = smooth.mean_slope(tau[first], tau[last])
+            if not _certain(mean, term.slope):
+                continue
+            part = tau[first : last + 1]
+            value = np.exp(np.mean(np.log(smooth.deviation(part) / np.sqrt(term.variance(part)))))
             low, high = float(tau[first]), float(tau[last])
-            if high < low * 10**LEAST_DECADES:
-                continue
-            mean = smooth.mean_slope(low, high)
-            if mean.low < term.slope - CELL or mean.high > term.slope + CELL:
-                continue
-            part = slice(first, last + 1)
-            line = np.log(sigma[part]) - np.log(term.variance(tau[part])) / 2
-            found.append(SlopeRange(term.slope, name, low, high, mean, float(np.exp(line.mean()))))
+            found.append(SlopeRange(term.slope, name, low, high, mean, float(value)))
     return tuple(sorted(found, key=lambda r: r.tau_low))
+
+
+def _stretches(mask: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return list(zip(edges[::2], edges[1::2] - 1, strict=True))
+
+
+def _certain(mean: Estimate, nominal: float) -> bool:
+    return nominal - CELL <= mean.low and mean.high <= nominal + CELL
