@@ -9,7 +9,7 @@ import numpy as np
 from sensorbook.errors import Refusal
 from sensorbook.estimate import Estimate
 from sensorbook.noise.agreement import binned_variance, worst_departure
-from sensorbook.noise.allan import AllanCurve, allan_deviation
+from sensorbook.noise.allan import AllanCurve, allan_deviation, as_columns, check_finite
 from sensorbook.noise.cosine import CosineSpectrum, cosine_spectrum
 from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.disturbances import (
@@ -77,8 +77,10 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
     ValueError
         samples that are not finite
     """
-    values = np.asarray(values).reshape(len(values), -1)
-    allan_deviation(values[:1000], rate)  # too short, or not finite: said before the work begins
+    values = as_columns(values)
+    # Too short, or not finite: said before the work begins.
+    allan_deviation(values[:1000], rate)
+    check_finite(values)
     for name, column in zip("xyz", values.T, strict=False):
         if np.ptp(column) == 0:
             raise Refusal(
