@@ -157,15 +157,16 @@ class Likelihood:
         def excess(value: float) -> float:
             return self.fit(names, {name: sign * value})[1] - deviance - rise
 
+        error = self._scale(name, squares)
         low = 0.0
         if best > 0 and excess(0.0) > 0:
-            low = optimize.brentq(excess, 0.0, best, xtol=1e-3 * best, rtol=1e-4)
-        top = 1.3 * best or self._scale(name, squares)
+            low = optimize.brentq(excess, 0.0, best, xtol=0.01 * error)
+        top = 1.3 * best or error
         while excess(top) < 0:
             best, top = top, 2 * top
-            if top > 1e12 * self._scale(name, squares):
+            if top > 1e12 * error:
                 return low, top  # the record does not bound the term
-        return low, optimize.brentq(excess, best, top, xtol=1e-3 * top, rtol=1e-4)
+        return low, optimize.brentq(excess, best, top, xtol=0.01 * error)
 
     def windows(self, squares: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Power over model in windows of `WINDOW` bins: ratio, its lines, and each window's first bin."""
