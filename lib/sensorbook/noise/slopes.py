@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import interpolate, special
 
+from sensorbook import units
 from sensorbook.estimate import Estimate
 from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.covariance import variance_covariance
@@ -24,8 +25,8 @@ from sensorbook.noise.result import AxisNoise
 # one of them and where its mean slope is nearer to that one than to any other with 95 % certainty.
 TOLERANCE, CELL = 0.15, 0.25
 LEAST_DECADES = 0.5  # N and K alone hold a slope within 0.15 of zero for 0.27 decades: no flat
-# Weight of curvature² against misfit². The mean square curvature of the bend from N to K, over the two
-# e-folds it takes, is 1/10: a stiffer spline would cut such bends where the curve is known badly.
+# Weight of curvature² against misfit². The bend from N to K has a mean square curvature of 1/10 over
+# the three e-folds of τ it takes: a stiffer spline would cut such bends where the curve is known badly.
 STIFFNESS = np.geomspace(0.01, 10, 7)
 GRID = 40  # points a decade on which the ends of a range are sought
 
@@ -115,7 +116,7 @@ class SlopeRange:
 
     Attributes
     ----------
-    slope, term : nominal slope and the noise term it belongs to
+    slope, term : nominal slope and the noise term it belongs to; a filter or a vibration may mimic it
     tau_low, tau_high : ends of the range, s
     mean_slope : between the ends
     coefficient : of the term, read off its line laid through the range, SI; holds what other terms add
@@ -133,9 +134,46 @@ class SlopeRange:
         return self.coefficient * np.sqrt(TERMS[self.term].variance(tau))
 
 
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Slopes of one axis's curve.
+
+    Attributes
+    ----------
+    axis : x, y or z
+    ranges : where it runs with a nominal slope, by increasing τ
+    smooth : the curve on which they were found
+    tau : (G,) cluster times at which its slope was looked at, s
+    """
+
+    axis: str
+    ranges: tuple[SlopeRange, ...]
+    smooth: SmoothCurve
+    tau: np.ndarray
+
+    @property
+    def known_to(self) -> float:
+        """Longest cluster time to which the slope is known to ±0.25 with 95 % certainty, s."""
+        vague = 1.96 * self.smooth.slope_std(self.tau) > CELL
+        return float(self.tau[np.argmax(vague) if vague.any() else -1])
+
+    def to_results(self, sensor: str) -> list[dict]:
+        """The ranges as results.json states them."""
+        return [
+            {
+                "slope": r.slope,
+                "term": r.term,
+                "tau_range": [r.tau_low, r.tau_high],
+                "mean_slope": r.mean_slope.to_results("1"),
+                "coefficient": {"value": r.coefficient, "unit": units.si_unit(sensor, r.term)},
+            }
+            for r in self.ranges
+        ]
+
+
 def find_slopes(
     curve: AllanCurve, axis: str, noise: AxisNoise, low_pass: LowPass | None = None
-) -> tuple[SlopeRange, ...]:
+) -> Slopes:
     """Where the curve of one axis runs with slope −1, −½, 0, +½ or +1, by increasing τ.
 
     On the smooth curve (`smooth_curve`) the slope stays within 0.15 of the nominal one for half a
@@ -174,7 +212,7 @@ def find_slopes(
             value = np.exp(np.mean(np.log(smooth.deviation(part) / np.sqrt(term.variance(part)))))
             low, high = float(tau[first]), float(tau[last])
             found.append(SlopeRange(term.slope, name, low, high, mean, float(value)))
-    return tuple(sorted(found, key=lambda r: r.tau_low))
+    return Slopes(axis, tuple(sorted(found, key=lambda r: r.tau_low)), smooth, tau)
 
 
 def _stretches(mask: np.ndarray) -> list[tuple[int, int]]:
