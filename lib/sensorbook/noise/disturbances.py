@@ -66,16 +66,17 @@ def find_shocks(values: np.ndarray, rate: float) -> tuple[Shock, ...]:
     """
     size = np.zeros(len(values))
     for column in values.T:
-        rest = np.asarray(column, dtype=float)
+        rest = np.array(column, dtype=float)
         if np.ptp(rest) == 0:
             continue
         # coarse counts: most samples may equal their mean
         least = np.median(np.diff(np.unique(rest))) / 2
         for _ in range(2):  # again without what was found, which has drawn the mean
-            departure = np.abs(column - ndimage.uniform_filter1d(rest, TREND, mode="nearest"))
+            departure = np.abs(column - ndimage.uniform_filter1d(rest, TREND, mode="mirror"))
             scale = max(1.4826 * np.median(departure), least)
             scale = max(scale, float(np.sqrt(np.mean(np.minimum(departure, 5 * scale) ** 2))))
-            rest = np.where(departure > SHOCK_SIGMAS * scale, np.median(column), column)
+            away = departure > SHOCK_SIGMAS * scale
+            rest[away] = np.interp(*map(np.flatnonzero, (away, ~away)), column[~away])
         size = np.maximum(size, departure / scale)
     rows = np.flatnonzero(size > SHOCK_SIGMAS)
     if not len(rows):
