@@ -208,6 +208,19 @@ def test_measures_are_those_of_the_fit():
     true = fit_physical({"random_walk": 1.0, "bias_instability": 0.09}).slope(c.tau)
     assert row.slope_error == pytest.approx(np.sqrt(np.mean((row.fit.slope(c.tau) - true) ** 2)))
     assert row.sound == (not row.fit.poles)
+    low, high = c.band.T
+    assert (low < c.sigma).all()
+    assert (c.sigma < high).all()
+
+
+def test_a_fit_that_is_positive_at_the_points_alone_is_not_sound():
+    rows = [r for r in compared().rows if r.not_positive]
+    assert rows, "the raw polynomials swing below zero"
+    for row in rows:
+        assert not row.sound
+        tau = np.geomspace(compared().tau[0], compared().tau[-1], 5000)
+        # Another grid: the ends of each stretch may differ by a point.
+        assert row.not_positive == pytest.approx(np.mean(row.fit.deviation(tau) <= 0), abs=0.01)
 
 
 def test_the_order_of_merit_on_a_simulated_record():

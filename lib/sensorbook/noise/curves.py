@@ -16,13 +16,14 @@ from numpy.polynomial import Chebyshev, chebyshev
 from scipy import interpolate, optimize
 
 from sensorbook.noise.allan import AllanCurve
-from sensorbook.noise.estimate import usable
+from sensorbook.noise.estimate import confidence, usable
 from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise
 from sensorbook.noise.slopes import smooth_curve
 
 DEGREES = (5, 10, 20)  # work A's polynomials
+FINE = 2000  # cluster times at which a fit is looked at between the points
 ITERATIONS = 20  # of Sanathanan and Koerner; they settle in about ten
 
 
@@ -44,6 +45,11 @@ class CurveFit:
     variables: str
     deviation: Callable[[np.ndarray], np.ndarray]
     poles: tuple[float, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """As figures and tables call it."""
+        return self.name + {"raw": ", σ in τ", "log": ", in logarithms"}.get(self.variables, "")
 
     def slope(self, tau: np.ndarray) -> np.ndarray:
         """d log σ / d log τ, by a central difference; NaN where σ is not positive."""
@@ -160,8 +166,8 @@ class Measured:
 
     Attributes
     ----------
-    rms, largest : residual where the fit is positive, decades
-    not_positive : number of cluster times at which it is not
+    rms, largest : residual at the cluster times where the fit is positive, decades
+    not_positive : share of the range of log τ in which it is not
     held_out : rms on every other cluster time of the fit to those between, decades; None where these are
         too few, or where the fit to them is somewhere not positive
     slope_error : rms difference of the slope from the reference, where the fit is positive; None for
@@ -171,7 +177,7 @@ class Measured:
     fit: CurveFit
     rms: float
     largest: float
-    not_positive: int
+    not_positive: float
     held_out: float | None
     slope_error: float | None
 
@@ -189,6 +195,7 @@ class Comparison:
     ----------
     axis : x, y or z
     tau, sigma : (T,) the curve outside the low-pass's reach, s and SI
+    band : (T, 2) its 95 % confidence limits
     rows : fits with their measures
     reference : what the slope errors refer to, "truth" or "fitted terms"
     """
@@ -196,6 +203,7 @@ class Comparison:
     axis: str
     tau: np.ndarray
     sigma: np.ndarray
+    band: np.ndarray
     rows: tuple[Measured, ...]
     reference: str
 
@@ -207,18 +215,17 @@ class Comparison:
     def table(self) -> pd.DataFrame:
         """One row a fit, as text."""
         rows = {
-            (r.fit.name, r.fit.variables): {
+            r.fit.label: {
                 "residual, rms [decades]": f"{r.rms:.2g}",
                 "largest": f"{r.largest:.2g}",
-                "held out": "–" if r.held_out is None else f"{r.held_out:.2g}",
-                "slope error": "–" if r.slope_error is None else f"{r.slope_error:.2g}",
+                "held out": _shown(r.held_out),
+                "slope error": _shown(r.slope_error),
                 "poles inside at τ [s]": ", ".join(f"{p:.3g}" for p in r.fit.poles) or "none",
-                "σ ≤ 0": f"{r.not_positive} of {len(self.tau)}" if r.not_positive else "nowhere",
+                "σ ≤ 0 [% of log τ]": f"{100 * r.not_positive:.2g}" if r.not_positive else "none",
             }
             for r in self.rows
         }
-        table = pd.DataFrame.from_dict(rows, orient="index")
-        return table.rename_axis(["fit", "variables"])
+        return pd.DataFrame.from_dict(rows, orient="index")
 
     def to_results(self) -> list[dict]:
         """As results.json states it."""
@@ -260,7 +267,8 @@ def compare_fits(
     """
     i, used = "xyz".index(axis), np.flatnonzero(usable(curve, low_pass))
     tau, sigma = curve.tau, curve.deviation[:, i]
-    width = np.log(noise.band[:, 1] / noise.band[:, 0]) / 2
+    _, band = confidence(sigma**2, 2 / noise.edf)
+    width = np.log(band[:, 1] / band[:, 0]) / 2
 
     def of(method, *settings):
         return lambda points: method(tau[points], sigma[points], *settings)
@@ -289,7 +297,12 @@ def compare_fits(
     if truth is None:  # the terms' own slope is the reference
         rows[-1] = replace(rows[-1], slope_error=None)
     return Comparison(
-        axis, tau[used], sigma[used], tuple(rows), "fitted terms" if truth is None else "truth"
+        axis,
+        tau[used],
+        sigma[used],
+        band[used],
+        tuple(rows),
+        "fitted terms" if truth is None else "truth",
     )
 
 
@@ -304,6 +317,7 @@ def _with_low_pass(squares: dict[str, float], low_pass: LowPass | None) -> dict[
 def _measure(make, tau, sigma, used, coefficients, reference) -> Measured:
     fit = make(used)
     residual = fit.residual(tau[used], sigma[used])
+    fine = np.geomspace(*tau[used[[0, -1]]], FINE)
     held_out, kept, left = None, used[::2], used[1 : len(used) - 1 : 2]
     if len(kept) > coefficients:
         outside = make(kept).residual(tau[left], sigma[left])
@@ -312,10 +326,14 @@ def _measure(make, tau, sigma, used, coefficients, reference) -> Measured:
         fit,
         _rms(residual),
         float(np.nanmax(np.abs(residual))),
-        int(np.isnan(residual).sum()),
+        float(np.mean(~(fit.deviation(fine) > 0))),
         held_out,
         _rms(fit.slope(tau[used]) - reference),
     )
+
+
+def _shown(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2g}" if value < 100 else f"{value:.0f}"
 
 
 def _rms(values: np.ndarray) -> float:
@@ -336,7 +354,12 @@ def _variables(tau, sigma, logarithmic):
         return tau, sigma, lambda f, t: f(t), "raw"
     y = np.log(sigma)
     middle = y.mean()  # so that a fit is relative to the curve's own range, not to its unit
-    return np.log(tau), y - middle, lambda f, t: np.exp(f(np.log(t)) + middle), "log"
+
+    def back(f, t):
+        with np.errstate(over="ignore"):  # a fit may swing to e⁷⁰⁰ between two points
+            return np.exp(f(np.log(t)) + middle)
+
+    return np.log(tau), y - middle, back, "log"
 
 
 def _inside(poles: np.ndarray, tau: np.ndarray, logarithmic: bool) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from sensorbook import units
 from sensorbook.noise.allan import AllanCurve
-from sensorbook.noise.curves import Comparison, CurveFit
+from sensorbook.noise.curves import FINE, Comparison, CurveFit
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.slopes import Slopes
 from sensorbook.plots.allan import TERM_COLOURS
@@ -29,7 +29,7 @@ def plot_fits(
     """
     axes = new_axes(axes)
     label, si = units.field_unit(sensor, "bias_instability") if sensor else ("SI", 1.0)
-    tau = np.geomspace(compared.tau[0], compared.tau[-1], 2000)
+    tau = np.geomspace(compared.tau[0], compared.tau[-1], FINE)
     missing = False
     for row, (fit, (colour, line)) in enumerate(zip(fits, STYLES, strict=False)):
         sigma = fit.deviation(tau)
@@ -40,7 +40,7 @@ def plot_fits(
             line,
             color=colour,
             linewidth=1.4,
-            label=_name(fit),
+            label=fit.label,
         )
         if not inside.all():
             missing = True
@@ -66,25 +66,17 @@ def plot_fits(
 
 
 def plot_fit_residuals(
-    compared: Comparison,
-    fits: Sequence[CurveFit],
-    band: np.ndarray | None = None,
-    axes: Axes | None = None,
+    compared: Comparison, fits: Sequence[CurveFit], axes: Axes | None = None
 ) -> Axes:
-    """What fits of one axis miss, in decades, beside what the curve itself is uncertain by.
-
-    `band` is the (T, 2) 95 % band of the curve at the compared cluster times.
-    """
+    """What fits of one axis miss, in decades, beside the 95 % band of the curve itself."""
     axes = new_axes(axes)
     tau, sigma = compared.tau, compared.sigma
-    if band is not None:
-        low, high = np.log10(band.T / sigma)
-        axes.fill_between(
-            tau, low, high, color=GREY, alpha=0.22, linewidth=0, label="95 % of the curve"
-        )
+    low, high = np.log10(compared.band.T / sigma)
+    label = "95 % of the curve"
+    axes.fill_between(tau, low, high, color=GREY, alpha=0.22, linewidth=0, label=label)
     residuals = [fit.residual(tau, sigma) for fit in fits]
     for fit, residual, (colour, line) in zip(fits, residuals, STYLES, strict=False):
-        axes.plot(tau, residual, line, color=colour, linewidth=1.3, label=_name(fit))
+        axes.plot(tau, residual, line, color=colour, linewidth=1.3, label=fit.label)
     axes.axhline(0, color="black", linewidth=0.7)
     axes.set_xscale("log")
     # A fit that misses by more than this is shown to leave, not to set the scale.
@@ -151,7 +143,3 @@ def plot_local_slopes(found: Sequence[Slopes], axes: Axes | None = None) -> Axes
     axes.set_ylabel("slope d log σ / d log τ [1]")
     axes.legend(title="axis", fontsize=8, loc="upper left")
     return axes
-
-
-def _name(fit: CurveFit) -> str:
-    return fit.name + {"raw": ", σ in τ", "log": ", in logarithms"}.get(fit.variables, "")
