@@ -11,7 +11,7 @@ from sensorbook.errors import Refusal
 from sensorbook.noise.cosine import CosineSpectrum, cosine_spectrum
 
 SHOCK_SIGMAS = 10.0  # no normal variable gets there; sensors with heavy tails reach 9
-TREND = 101  # samples of the running mean that shocks stand out from
+TREND = 1001  # samples of the running median that shocks stand out from
 JOINED, PADDED = 2.0, 0.5  # s: shocks closer than this are one; what rings on around them
 MOST_SHOCKED = 0.1  # share of a record that is no longer a rest
 
@@ -57,7 +57,7 @@ class Periodic:
 
 
 def find_shocks(values: np.ndarray, rate: float) -> tuple[Shock, ...]:
-    """Stretches in which any axis departs from its running mean by ten robust standard deviations.
+    """Stretches in which any axis departs from its running median by ten robust standard deviations.
 
     Parameters
     ----------
@@ -65,18 +65,15 @@ def find_shocks(values: np.ndarray, rate: float) -> tuple[Shock, ...]:
     rate : Hz
     """
     size = np.zeros(len(values))
-    for column in values.T:
-        rest = np.array(column, dtype=float)
-        if np.ptp(rest) == 0:
+    for column in np.asarray(values, dtype=float).T:
+        if np.ptp(column) == 0:
             continue
-        # coarse counts: most samples may equal their mean
-        least = np.median(np.diff(np.unique(rest))) / 2
-        for _ in range(2):  # again without what was found, which has drawn the mean
-            departure = np.abs(column - ndimage.uniform_filter1d(rest, TREND, mode="mirror"))
-            scale = max(1.4826 * np.median(departure), least)
-            scale = max(scale, float(np.sqrt(np.mean(np.minimum(departure, 5 * scale) ** 2))))
-            away = departure > SHOCK_SIGMAS * scale
-            rest[away] = np.interp(*map(np.flatnonzero, (away, ~away)), column[~away])
+        # A shock of less than half of the window does not move its median.
+        departure = np.abs(column - ndimage.median_filter(column, TREND, mode="mirror"))
+        # In coarse counts most samples may be alike.
+        least = np.median(np.diff(np.unique(column))) / 2
+        scale = max(1.4826 * np.median(departure), least)
+        scale = max(scale, float(np.sqrt(np.mean(np.minimum(departure, 5 * scale) ** 2))))
         size = np.maximum(size, departure / scale)
     rows = np.flatnonzero(size > SHOCK_SIGMAS)
     if not len(rows):
