@@ -116,13 +116,28 @@ def test_shocks_in_coarse_counts(sd, offset):
     assert (shock.start, shock.stop) == (5000, 5010)
 
 
-@pytest.mark.parametrize(("samples", "size"), [(1, 30), (20, 60), (1, 1e4), (20, 1e4)])
+@pytest.mark.parametrize(("samples", "size"), [(1, 30), (20, 60), (300, 200), (20, 1e4)])
 def test_a_shock_on_a_drift(samples, size):
-    # Thousands of standard deviations in ten minutes; what is bridged to find the mean is drifting, too.
-    values = rest(18) + 3000 * np.linspace(0, 1, SAMPLES)[:, None]
+    values = rest(18) + 600 * np.linspace(0, 1, SAMPLES)[:, None]
     values[50_000 : 50_000 + samples] += size
     (shock,) = find_shocks(values, RATE)
     assert (shock.start, shock.stop) == (50_000, 50_000 + samples)
+
+
+def test_a_knock_rings_and_is_one_shock():
+    values = rest(19)
+    ring = 300 * np.exp(-np.arange(200) / 40) * np.sin(0.9 * np.arange(200))
+    values[20_000:20_200, 0] += ring
+    (shock,) = find_shocks(values, RATE)
+    last = 20_000 + np.flatnonzero(np.abs(ring) > 10)[-1]
+    assert shock.start == pytest.approx(20_001, abs=1)
+    assert shock.stop == pytest.approx(last + 1, abs=20)
+
+
+def test_a_step_is_no_shock():
+    values = rest(20)
+    values[30_000:] += 30
+    assert find_shocks(values, RATE) == ()
 
 
 def test_a_fast_drift_is_no_shock():

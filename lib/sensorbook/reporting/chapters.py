@@ -73,7 +73,7 @@ CHAPTERS = (
     Chapter(
         slug="curve_fits",
         notebook=NOTEBOOKS / "05_curve_fits.ipynb",
-        title="Curve fits of the Allan deviation",
+        title="Curve fits and slopes",
         kind="static",
         sensors=INERTIAL_AND_MAGNETIC,
         needs=("thermal",),
