@@ -130,3 +130,15 @@ def test_the_schema_refuses_what_is_wrong(spoil):
     found = json.loads(json.dumps(example()))
     spoil(found)
     assert not Draft202012Validator(json.loads(results.SCHEMA.read_text())).is_valid(found)
+
+
+def test_methods_of_several_chapters_stand_side_by_side():
+    into = {}
+    results.merge(into, {"noise_methods": {"read_off": 1}, "allan": {"tau": [1]}})
+    results.merge(into, {"noise_methods": {"whittle": 2}, "noise": {"x": 3}})
+    results.merge(into, {"noise": {"y": 4}})
+    assert into == {
+        "noise_methods": {"read_off": 1, "whittle": 2},
+        "allan": {"tau": [1]},
+        "noise": {"y": 4},
+    }
