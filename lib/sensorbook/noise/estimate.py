@@ -112,7 +112,8 @@ class _Fit:
     def reweight(self, squares: dict[str, float]) -> None:
         c = self.covariance(squares)
         sd = np.sqrt(np.diag(c))
-        values, vectors = np.linalg.eigh(c / np.outer(sd, sd))
+        # numpy's driver (divide and conquer) fails to converge on some of these.
+        values, vectors = linalg.eigh(c / np.outer(sd, sd))
         self.whiten = (vectors / np.sqrt(np.maximum(values, SMALLEST))).T / sd
 
     def _design(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -153,6 +153,8 @@ class Likelihood:
         """
         best = abs(squares[name])
         sign = -1.0 if name == "rate_ramp" and squares[name] < 0 else 1.0
+        # Where the model is poor a fit that holds the term may stop elsewhere.
+        deviance = max(deviance, self.fit(names, {name: sign * best})[1])
 
         def excess(value: float) -> float:
             return self.fit(names, {name: sign * value})[1] - deviance - rise
