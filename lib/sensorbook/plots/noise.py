@@ -21,6 +21,7 @@ METHODS = {
     "psd_read_off": "spectrum, read off",
     "allan_fit": "Allan curve, fitted",
     "whittle": "spectrum, likelihood",
+    "whittle_gauss_markov": "spectrum, with a Gauss–Markov process",
 }
 
 
@@ -30,7 +31,8 @@ def plot_spectrum_terms(identified: Identified, axis: str, axes: Axes | None = N
     i, s = "xyz".index(axis), identified.spectrum
     found = identified.fit.axes[i]
     low_pass = found.low_pass
-    label, si = units.field_unit(identified.fit.sensor, "signal")
+    sensor = identified.fit.sensor
+    label, si = units.field_unit(sensor, "signal") if sensor else ("SI", 1.0)
     label, si = f"({label})²/Hz", si**2
     first = _points(s.frequency, s.lines)
     lines = np.add.reduceat(s.lines, first)
@@ -54,7 +56,9 @@ def plot_spectrum_terms(identified: Identified, axis: str, axes: Axes | None = N
         axes.axvspan(*p.band, color=SECOND, alpha=0.3, linewidth=0, label=text)
     if low_pass:
         top = REACH * low_pass.cutoff
-        axes.axvspan(top, s.rate / 2, color=THIRD, alpha=0.15, linewidth=0, label="low-pass, left out")
+        axes.axvspan(
+            top, s.rate / 2, color=THIRD, alpha=0.15, linewidth=0, label="low-pass, left out"
+        )
     log_log(axes)
     axes.set_xlim(f[0] / 1.3, s.rate / 2)
     axes.set_ylim(0.3 * min(density.min(), total.min()), 6 * density.max())
@@ -83,7 +87,9 @@ def plot_agreement(identified: Identified, axis: str, axes: Axes | None = None) 
     found, tau = identified.fit.axes[i], curve.tau
     label, si = deviation_unit(curve.sensor)
     low, high = found.band.T / si
-    axes.fill_between(tau, low, high, color=GREY, alpha=0.25, linewidth=0, label="95 % of the curve")
+    axes.fill_between(
+        tau, low, high, color=GREY, alpha=0.25, linewidth=0, label="95 % of the curve"
+    )
     axes.plot(tau, curve.deviation[:, i] / si, "o", color=GREY, markersize=3, label="measured")
     alone = np.sqrt(found.model.allan_variance(tau)) / si
     axes.plot(tau, alone, ":", color=COLOURS[axis], linewidth=1.4, label="terms alone")
@@ -100,7 +106,9 @@ def plot_agreement(identified: Identified, axis: str, axes: Axes | None = None) 
 
 
 def plot_methods(
-    estimates: Sequence[NoiseEstimate], truth: dict | None = None, axes: Sequence[Axes] | None = None
+    estimates: Sequence[NoiseEstimate],
+    truth: dict | None = None,
+    axes: Sequence[Axes] | None = None,
 ) -> Sequence[Axes]:
     """N, B and K of every axis by each method with 95 % intervals; an arrow for an upper bound.
 
