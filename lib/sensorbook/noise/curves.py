@@ -19,7 +19,7 @@ from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.estimate import confidence, usable
 from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
-from sensorbook.noise.result import AxisNoise
+from sensorbook.noise.result import AxisNoise, GaussMarkov
 from sensorbook.noise.slopes import smooth_curve
 
 DEGREES = (5, 10, 20)  # work A's polynomials
@@ -150,11 +150,13 @@ def fit_aaa(tau: np.ndarray, sigma: np.ndarray, tolerance: float) -> CurveFit:
     return CurveFit("AAA", variables, lambda t: back(rational, t), poles)
 
 
-def fit_physical(squares: dict[str, float]) -> CurveFit:
+def fit_physical(squares: dict[str, float], process: GaussMarkov | None = None) -> CurveFit:
     """The sum of noise terms as a curve; `squares` are their squared coefficients (SI) by name."""
 
     def deviation(tau):
         variance = sum(v * TERMS[name].variance(tau) for name, v in squares.items())
+        if process:
+            variance = variance + process.allan_variance(tau)
         return np.sqrt(np.maximum(variance, 0.0))
 
     return CurveFit("sum of noise terms", "variance", deviation)
@@ -277,6 +279,7 @@ def compare_fits(
         spline = smooth_curve(curve, axis, noise, points)
         return CurveFit("smoothing spline", "log", spline.deviation)
 
+    terms = fit_physical(_with_low_pass(noise.squares, low_pass), noise.gauss_markov)
     ways = []  # coefficients, and the fit to some points
     for log in (False, True):
         ways += [(degree + 1, of(fit_polynomial, degree, log)) for degree in DEGREES]
@@ -285,10 +288,11 @@ def compare_fits(
         # What the curve scatters by: below that there is nothing to approximate.
         (4, lambda points: of(fit_aaa, float(np.median(width[points])))(points)),
         (4, smooth),
-        (0, lambda _: fit_physical(_with_low_pass(noise.squares, low_pass))),
+        (0, lambda _: terms),
     ]
-    true = noise.squares if truth is None else {n: v**2 for n, v in truth.items() if v}
-    reference = fit_physical(_with_low_pass(true, low_pass)).slope(tau[used])
+    if truth is not None:
+        true = fit_physical(_with_low_pass({n: v**2 for n, v in truth.items() if v}, low_pass))
+    reference = (terms if truth is None else true).slope(tau[used])
     rows = [
         _measure(make, tau, sigma, used, coefficients, reference)
         for coefficients, make in ways

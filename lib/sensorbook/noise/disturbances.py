@@ -91,6 +91,9 @@ def _padding(rate: float) -> int:
 def bridge(values: np.ndarray, shocks: tuple[Shock, ...], rate: float) -> np.ndarray:
     """(N, A) the signal with straight lines in place of its shocks and half a second around them.
 
+    The lines carry the noise of the stretch before them (or behind), mirrored: without any, white noise
+    would come out weaker by the share of the record that is bridged.
+
     Raises
     ------
     Refusal
@@ -113,7 +116,12 @@ def bridge(values: np.ndarray, shocks: tuple[Shock, ...], rate: float) -> np.nda
         after = np.asarray(values[stop : stop + pad], dtype=float)
         ends = [np.mean(side, axis=0) for side in (before, after) if len(side)]
         share = np.linspace(0, 1, stop - start)[:, None]
-        bridged[start:stop] = ends[0] * (1 - share) + ends[-1] * share
+        length = stop - start
+        noise = (
+            bridged[start - length : start] if start >= length else bridged[stop : stop + length]
+        )
+        noise = noise[::-1] - np.mean(noise, axis=0) if len(noise) == length else 0.0
+        bridged[start:stop] = ends[0] * (1 - share) + ends[-1] * share + noise
     return bridged
 
 

@@ -36,7 +36,8 @@ class Identified:
 
     Attributes
     ----------
-    fit : noise terms from the spectrum, by maximum likelihood; what a report states
+    fit : noise terms from the spectrum, by maximum likelihood, beside a Gauss–Markov process where the
+        likelihood takes one; what a report states
     allan_fit : the same from a weighted fit of the Allan curve
     curve : Allan curve, shocks and steady lines taken out of the record first
     quiet : the same less what periodic bands add to it: what the Allan curve's fit sees
@@ -94,7 +95,7 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
     bands = [find_bands(spectrum, i) for i in range(record.shape[1])]
     kept_out = tuple(mask for mask, _ in bands)
     low_passes = tuple(low_pass_of(spectrum, i, ~mask) for i, mask in enumerate(kept_out))
-    fit = fit_spectrum(spectrum, sensor, kept_out, low_passes)
+    fit = fit_spectrum(spectrum, sensor, kept_out, low_passes, gauss_markov=True)
     parts = [
         _against_curve(curve, spectrum, i, axis, mask)
         for i, (axis, mask) in enumerate(zip(fit.axes, kept_out, strict=True))
@@ -127,7 +128,7 @@ def _against_curve(
     """
     f, power = spectrum.frequency, spectrum.density[:, i]
     step = 1 / spectrum.rate
-    level = axis.model.spectrum(f, step)
+    level = axis.spectrum(f, step)
     below = f <= REACH * axis.low_pass.cutoff if axis.low_pass else np.ones_like(mask)
     shaped = level * (axis.low_pass.power(f) if axis.low_pass else 1.0)
     excess = np.where(mask, power - shaped, 0.0)
@@ -135,7 +136,7 @@ def _against_curve(
     width = spectrum.lines * spectrum.rate / (2 * spectrum.samples)
     added = binned_variance(f, width, np.where(below, excess, 0.0), curve.clusters, spectrum.rate)
     terms = sum(v * TERMS[n].variance(curve.tau) for n, v in axis.squares.items())
-    variance = terms + added
+    variance = axis.allan_variance(curve.tau) + added
     variance += binned_variance(f, width, change, curve.clusters, spectrum.rate)
     variance = np.maximum(variance, 1e-6 * curve.deviation[:, i] ** 2)
     covariance = variance_covariance(curve.clusters, curve.samples, curve.rate, axis.squares)

@@ -35,13 +35,27 @@ class GaussMarkov:
     Attributes
     ----------
     correlation_time : T, s
-    std : standard deviation, SI; its interval holds at this T
+    std : standard deviation, SI
     saved : deviance it saves, twice the gain of log-likelihood
     """
 
     correlation_time: Estimate
     std: Estimate
     saved: float
+
+    def spectrum(self, f: np.ndarray) -> np.ndarray:
+        """Two-sided density ``2 std² T/(1 + (2πfT)²)``; `f` in Hz (table A6, q_c T_c = std √2T)."""
+        t = self.correlation_time.value
+        return 2 * self.std.value**2 * t / (1 + (2 * np.pi * f * t) ** 2)
+
+    def allan_variance(self, tau: np.ndarray) -> np.ndarray:
+        """σ²(τ) of table A6; `tau` in s."""
+        x = np.asarray(tau) / self.correlation_time.value
+        # Below, the three exponentials cancel to nothing: σ² = std² x/3 · (1 − 5x/8 …).
+        small = x < 1e-3
+        y = np.where(small, 1.0, x)
+        whole = (1 - (3 - 4 * np.exp(-y) + np.exp(-2 * y)) / (2 * y)) * 2 / y
+        return self.std.value**2 * np.where(small, 2 * x / 3, whole)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +101,16 @@ class AxisNoise:
     def model(self) -> NoiseTerms:
         """Everything fitted, terms too weak to be stated included."""
         return NoiseTerms(**{name: max(v, 0.0) ** 0.5 for name, v in self.squares.items()})
+
+    def allan_variance(self, tau: np.ndarray) -> np.ndarray:
+        """σ²(τ) of everything fitted, a Gauss–Markov process included; `tau` in s."""
+        process = self.gauss_markov.allan_variance(tau) if self.gauss_markov else 0.0
+        return self.model.allan_variance(tau) + process
+
+    def spectrum(self, f: np.ndarray, sample_time: float) -> np.ndarray:
+        """Two-sided density of the same, before any low-pass; `f` in Hz."""
+        process = self.gauss_markov.spectrum(f) if self.gauss_markov else 0.0
+        return self.model.spectrum(f, sample_time) + process
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +158,17 @@ class NoiseEstimate:
             rows[f"{t.symbol}, {term.replace('_', ' ')} [{label}]"] = [
                 _cell(axis.terms[term], axis.upper_bounds.get(term), si) for axis in self.axes
             ]
+        if any(axis.gauss_markov for axis in self.axes):
+            label, si = units.field_unit(self.sensor, "bias_instability")
+            both = [(f"Gauss–Markov, std [{label}]", "std", si)]
+            for name, part, unit in (
+                *both,
+                ("Gauss–Markov, correlation time [s]", "correlation_time", 1),
+            ):
+                rows[name] = [
+                    _cell(getattr(a.gauss_markov, part), None, unit) if a.gauss_markov else "none"
+                    for a in self.axes
+                ]
         return pd.DataFrame.from_dict(rows, orient="index", columns=list("xyz")[: len(self.axes)])
 
 

@@ -57,8 +57,7 @@ def fit_spectrum(
         _fit_axis(spectrum, i, ~mask, low_pass, gauss_markov)
         for i, (mask, low_pass) in enumerate(zip(kept_out, low_passes, strict=True))
     ]
-    method = "whittle_gauss_markov" if gauss_markov else "whittle"
-    return NoiseEstimate(method, sensor, tuple(axes))
+    return NoiseEstimate("whittle", sensor, tuple(axes))
 
 
 def _fit_axis(
@@ -70,7 +69,16 @@ def _fit_axis(
     for _ in range(SHAPINGS if low_pass else 0):
         low_pass = low_pass.shifted(likelihood.shift(BASE))
         likelihood = Likelihood(spectrum, axis, used, low_pass)
-    names, squares, deviance = _choose(likelihood, low_pass)
+
+    def choose():
+        names, squares, deviance = _choose(likelihood, low_pass)
+        process = _gauss_markov(likelihood, names, deviance, spectrum) if gauss_markov else None
+        if process:
+            names = (*names, "gauss_markov")
+            squares, _ = likelihood.fit(names)
+        return names, squares, process
+
+    names, squares, process = choose()
     error = 0.0
     for _ in range(3):  # what the terms miss changes the weights, these the terms
         more = likelihood.model_error(squares)
@@ -78,11 +86,8 @@ def _fit_axis(
             break
         error = more
         likelihood.allow(error)
-        names, squares, deviance = _choose(likelihood, low_pass)
-    process = _gauss_markov(likelihood, names, deviance, spectrum) if gauss_markov else None
-    if process:
-        names = (*names, "gauss_markov")
-        squares, deviance = likelihood.fit(names)
+        names, squares, process = choose()
+    deviance = likelihood.fit(names)[1]
     terms: dict[str, Estimate | None] = {}
     bounds = {}
     for name in TERMS:
@@ -148,12 +153,19 @@ def _gauss_markov(
         return fitted(t)[1] - best.fun - INTERVAL
 
     ends = [
-        float(np.exp(optimize.brentq(excess, end, best.x, xtol=1e-3) if excess(end) > 0 else end))
+        float(optimize.brentq(excess, end, best.x, xtol=1e-3) if excess(end) > 0 else end)
         for end in (tried[0], tried[-1])
     ]
+
+    def spread(log_time: float, squared: float) -> float:
+        # S(0) = (qT)², and the variance of the process is q²T/2.
+        return float(np.sqrt(squared * np.exp(log_time) / 2))
+
+    # The two parameters err together: the interval of one spans that of the other.
+    stds = [spread(end, fitted(end)[0]["gauss_markov"]) for end in ends]
     squares, least = fitted(best.x)
-    time = float(np.exp(best.x))
     interval = likelihood.profile(names, "gauss_markov", squares, least, INTERVAL)
-    # S(0) = (qT)², and the variance of the process is q²T/2.
-    spread = [float(np.sqrt(q2 * time / 2)) for q2 in (squares["gauss_markov"], *interval)]
-    return GaussMarkov(Estimate(time, *ends), Estimate(*spread), float(deviance - least))
+    stds += [spread(best.x, q2) for q2 in interval]
+    std = Estimate(spread(best.x, squares["gauss_markov"]), min(stds), max(stds))
+    time = Estimate(*(float(np.exp(t)) for t in (best.x, *ends)))
+    return GaussMarkov(time, std, float(deviance - least))

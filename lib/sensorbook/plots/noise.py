@@ -13,7 +13,17 @@ from sensorbook.noise import Identified, NoiseEstimate
 from sensorbook.noise.model import TERMS, NoiseTerms
 from sensorbook.noise.whittle import REACH
 from sensorbook.plots.allan import TERM_COLOURS, deviation_unit
-from sensorbook.plots.style import COLOURS, GREY, SECOND, THIRD, grid, log_log, new_axes, new_row
+from sensorbook.plots.style import (
+    ACCENT,
+    COLOURS,
+    GREY,
+    SECOND,
+    THIRD,
+    grid,
+    log_log,
+    new_axes,
+    new_row,
+)
 
 LINES, WIDTH = 8, 0.08  # least lines in a point that is drawn, least width over its frequency
 METHODS = {
@@ -21,7 +31,6 @@ METHODS = {
     "psd_read_off": "spectrum, read off",
     "allan_fit": "Allan curve, fitted",
     "whittle": "spectrum, likelihood",
-    "whittle_gauss_markov": "spectrum, with a Gauss–Markov process",
 }
 
 
@@ -49,7 +58,10 @@ def plot_spectrum_terms(identified: Identified, axis: str, axes: Axes | None = N
             alone = NoiseTerms(**{name: found.terms[name].value}).spectrum(at, 1 / s.rate)
             text = f"{term.symbol}: {name.replace('_', ' ')}"
             axes.plot(at, 2 * alone / si, "--", color=TERM_COLOURS[name], linewidth=1.2, label=text)
-    total = 2 * gain * found.model.spectrum(at, 1 / s.rate) / si
+    if process := found.gauss_markov:
+        alone = 2 * process.spectrum(at) / si
+        axes.plot(at, alone, "-.", color=ACCENT, linewidth=1.2, label="Gauss–Markov process")
+    total = 2 * gain * found.spectrum(at, 1 / s.rate) / si
     axes.plot(at, total, color="black", linewidth=1.5, label="sum of terms")
     for k, p in enumerate(q for q in identified.periodic[i] if not q.steady):
         text = "periodic, left out" if k == 0 else None
@@ -91,7 +103,7 @@ def plot_agreement(identified: Identified, axis: str, axes: Axes | None = None) 
         tau, low, high, color=GREY, alpha=0.25, linewidth=0, label="95 % of the curve"
     )
     axes.plot(tau, curve.deviation[:, i] / si, "o", color=GREY, markersize=3, label="measured")
-    alone = np.sqrt(found.model.allan_variance(tau)) / si
+    alone = np.sqrt(found.allan_variance(tau)) / si
     axes.plot(tau, alone, ":", color=COLOURS[axis], linewidth=1.4, label="terms alone")
     explained = np.sqrt(found.variance) / si
     text = "terms, low-pass and periodic components"
