@@ -347,6 +347,6 @@ def confidence(variance: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.
     variance : (T,) Allan variance
     share : (T,) variance of its estimate over its square
     """
-    edf = 2 / share
+    edf = 2 / np.maximum(share, 1e-12)  # a million million: nothing is known better
     limits = [np.sqrt(variance * edf / stats.chi2.ppf(q, edf)) for q in (0.975, 0.025)]
     return edf, np.stack(limits, axis=1)

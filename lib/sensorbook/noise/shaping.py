@@ -76,7 +76,7 @@ class ShapingFilter:
         covariance = linalg.solve_discrete_lyapunov(
             transition, self.std**2 * np.outer(drive, drive), method="direct"
         )
-        variances, directions = np.linalg.eigh(covariance)
+        variances, directions = linalg.eigh(covariance)
         start = directions @ (np.sqrt(variances.clip(0)) * rng.standard_normal(count))
         states = np.column_stack([start, np.zeros(count)])
         white = self.std * rng.standard_normal(samples)

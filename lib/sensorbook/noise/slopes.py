@@ -86,7 +86,7 @@ def smooth_curve(curve: AllanCurve, axis: str, noise: AxisNoise, points: np.ndar
     c = variance_covariance(curve.clusters, curve.samples, curve.rate, noise.squares)
     c = c[np.ix_(points, points)]
     root = np.sqrt(np.diag(c))
-    values, vectors = np.linalg.eigh(c / np.outer(root, root))
+    values, vectors = linalg.eigh(c / np.outer(root, root))
     whiten = (vectors / np.sqrt(np.maximum(values, SMALLEST))).T / std
     precision = whiten.T @ whiten
 
