@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import interpolate, special
+from scipy import interpolate, linalg, special
 
 from sensorbook import units
 from sensorbook.estimate import Estimate
