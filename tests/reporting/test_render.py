@@ -10,7 +10,7 @@ from bs4 import BeautifulSoup
 from throwaway import NASTY
 
 from sensorbook.notebook import MIME, escape
-from sensorbook.reporting import index
+from sensorbook.reporting import index, results
 from sensorbook.reporting.render import chapter_page, inert_html, mathml
 
 RECORD = {
@@ -203,6 +203,49 @@ def test_pages_do_not_inherit_from_each_other():
 )
 def test_intervals_choose_the_digits(numbers, shown):
     assert index.interval(*numbers) == shown
+
+
+def noise_table(**of_x):
+    """The rows of a device page whose axis x has these noise terms: name, unit and cells of x and y."""
+    plain = dict.fromkeys(
+        ("quantization", "random_walk", "bias_instability", "rate_random_walk", "rate_ramp")
+    )
+    found = {"noise": dict.fromkeys("xyz", plain) | {"x": plain | of_x}}
+    device = {"id": "dev-1", "name": "A device", "model": None, "serial": None, "spec": {}}
+    record = {key: RECORD[key] for key in ("chapter", "title", "sensor", "status", "reason")}
+    assembled = results.assemble(
+        device, RECORD["software"], RECORD["created"], [record | {"results": found}]
+    )
+    rows = body(index.device_page(assembled, results.SCHEMA.parent)).select("table tbody tr")
+    cells = [[cell.get_text(" ") for cell in row.find_all(["th", "td"])] for row in rows]
+    return {row[0]: (row[4], row[1], row[2]) for row in cells if len(row) == 5}
+
+
+def entry(value):
+    return {"value": value, "low": 0.9 * value, "high": 1.1 * value}
+
+
+def test_rare_terms_have_a_row_where_an_axis_shows_them():
+    usual = [
+        "Angle random walk N",
+        "Noise density √2·N",
+        "Bias instability B",
+        "Rate random walk K",
+    ]
+    assert list(noise_table()) == usual
+    rows = noise_table(quantization=entry(1e-4), rate_ramp=entry(1e-6))
+    assert list(rows) == ["Quantization Q", *usual, "Rate ramp R"]
+    # 1e-6 rad/s² · 180/π · 3600 s/h
+    assert rows["Rate ramp R"] == ("°/h/s", "0.206 0.186 … 0.227", "no visible effect")
+
+
+def test_a_gauss_markov_process_has_its_rows_where_an_axis_has_one():
+    rows = noise_table(
+        gauss_markov={"correlation_time": entry(40.0), "std": entry(4.848e-5)}  # 10 °/h
+    )
+    assert list(rows)[4:] == ["Gauss–Markov std", "Gauss–Markov correlation time"]
+    assert rows["Gauss–Markov std"] == ("°/h", "10.00 9.00 … 11.00", "–")
+    assert rows["Gauss–Markov correlation time"] == ("s", "40.0 36.0 … 44.0", "–")
 
 
 def test_the_group_page_bears_what_others_left_in_the_folder(tmp_path):

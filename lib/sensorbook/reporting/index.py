@@ -162,11 +162,12 @@ def _banner(found: dict[str, Any]) -> dict[str, Any]:
 def _noise_rows(
     sensor: str, result: dict[str, Any], checks: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """A row a quantity: the quantities always shown, and those with a limit."""
+    """A row a quantity: those always shown, those that are visible, and those with a limit."""
     noise = result.get("noise", {})
     mine = [check for check in checks if check["sensor"] == sensor]
     limited = dict.fromkeys(check["quantity"] for check in mine)
-    shown = ALWAYS if "x" in noise else ()
+    axes = [noise.get(axis, {}) for axis in AXES] if "x" in noise else []
+    shown = [q for q in NAMES if axes and (q in ALWAYS or any(axis.get(q) for axis in axes))]
     wanted = (*shown, *(quantity for quantity in limited if quantity not in shown))
     rows = []
     for quantity in wanted:
@@ -193,7 +194,27 @@ def _noise_rows(
                 "limit": ", ".join(limits),
             }
         )
-    return rows
+    return rows + _gauss_markov_rows(sensor, axes)
+
+
+def _gauss_markov_rows(sensor: str, axes: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Two rows where an axis has such a process beside its terms; no limit applies to them."""
+    found = [axis.get("gauss_markov", {}) for axis in axes]
+    if not any(found):
+        return []
+    parts = (
+        ("std", "std", *units.field_unit(sensor, "bias_instability")),
+        ("correlation_time", "correlation time", "s", 1.0),
+    )
+    return [
+        {
+            "name": f"Gauss–Markov {name}",
+            "unit": label,
+            "cells": [_cell(of, {}, part, scale) | {"verdict": None, "symbol": ""} for of in found],
+            "limit": "",
+        }
+        for part, name, label, scale in parts
+    ]
 
 
 def _cell(noise: dict, thermal: dict, quantity: str, scale: float) -> dict[str, Any]:
