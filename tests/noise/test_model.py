@@ -188,7 +188,7 @@ def test_spectrum_has_the_slopes_of_a4():
 def test_growth_of_the_integral():
     time, dt = 900.0, 0.1
     growth = NoiseTerms(random_walk=N, bias_instability=B, rate_random_walk=K).integral_growth(time)
-    assert set(growth) == {"random_walk", "bias_instability", "rate_random_walk"}
+    assert set(growth) == {"random_walk", "bias_instability", "rate_random_walk", "rate_ramp"}
     assert growth["random_walk"] == pytest.approx(N * 30.0)
     # The sum of a random walk stepping by K√δt: step j lasts for n − j samples, so that the variance
     # is K²δt³ Σj², which tends to K²t³/3 with a relative excess of 3/2n.
@@ -196,6 +196,14 @@ def test_growth_of_the_integral():
     discrete = K * np.sqrt(dt**3 * np.sum(np.arange(1.0, n + 1) ** 2))
     assert growth["rate_random_walk"] == pytest.approx(discrete, rel=1.0 / n)
     assert growth["bias_instability"] == pytest.approx(0.664 * B * time, rel=1e-3)
+
+
+def test_a_ramp_grows_as_its_integral():
+    time = np.linspace(0, 900.0, 9001)
+    ramp = 2e-6 * time  # the trapezium rule is exact for a straight line
+    growth = NoiseTerms(rate_ramp=2e-6).integral_growth(900.0)
+    assert growth["rate_ramp"] == pytest.approx(np.trapezoid(ramp, time), rel=1e-12)
+    assert growth["random_walk"] == growth["rate_random_walk"] == 0
 
 
 def test_growth_keeps_the_shape_of_time():

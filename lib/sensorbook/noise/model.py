@@ -62,16 +62,18 @@ class NoiseTerms:
         return sum(getattr(self, name) ** 2 * term.variance(tau) for name, term in TERMS.items())
 
     def integral_growth(self, time: np.ndarray) -> dict[str, np.ndarray]:
-        """Standard deviation of the signal's integral after `time` (s) from a zero bias, by term.
+        """What each term adds to the signal's integral after `time` (s) from a zero bias.
 
-        White noise grows as N√t, the random walk as K√(t³/3) (both exact). Flicker noise has no such
-        law; 0.664 B t, a bias of the size of the flat, stands for it.
+        Standard deviations: white noise grows as N√t, the random walk as K√(t³/3) (both exact). Flicker
+        noise has no such law; 0.664 B t, a bias of the size of the flat, stands for it. The rate ramp is
+        no scatter: it adds R t²/2.
         """
         t = np.asarray(time, dtype=float)
         return {
             "random_walk": self.random_walk * np.sqrt(t),
             "bias_instability": np.sqrt(FLAT) * self.bias_instability * t,
             "rate_random_walk": self.rate_random_walk * np.sqrt(t**3 / 3),
+            "rate_ramp": self.rate_ramp * t**2 / 2,
         }
 
     def spectrum(self, f: np.ndarray, sample_time: float) -> np.ndarray:
