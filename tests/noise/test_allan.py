@@ -368,6 +368,21 @@ def test_cluster_outside_the_record(cluster):
         allan_deviation(np.zeros(1000), 100.0, [1, 500, cluster])
 
 
+@pytest.mark.parametrize("rate", [0, -100.0, np.inf, np.nan])
+def test_what_is_no_rate(rate):
+    for clusters in (None, [1, 2]):
+        with pytest.raises(ValueError, match=f"^rate {rate:g} Hz: give the sampling rate, above"):
+            allan_deviation(np.zeros(2000), rate, clusters)
+
+
+@pytest.mark.parametrize("cluster", [2.7, "a", np.nan])
+def test_clusters_that_are_not_whole(cluster):
+    with pytest.raises(ValueError, match=f"^cluster size {cluster} is not a whole number of samp"):
+        allan_deviation(np.zeros(2000), 1.0, [1, cluster, 3.5])
+    whole = allan_deviation(np.zeros(2000), 1.0, [1.0, np.int32(4)])
+    assert whole.clusters.tolist() == [1, 4]
+
+
 # ---- the result ----
 
 

@@ -161,6 +161,15 @@ def test_cluster_outside_the_record(cluster):
         allan_deviation_of_chunks([np.zeros(1000)], 1.0, [1, cluster])
 
 
+def test_bad_arguments_are_told_before_the_record_is_read():
+    unread = iter([np.zeros(1000)])
+    with pytest.raises(ValueError, match=r"^rate 0 Hz: give the sampling rate, above zero"):
+        allan_deviation_of_chunks(unread, 0)
+    with pytest.raises(ValueError, match=r"^cluster size 2\.7 is not a whole number of samples"):
+        allan_deviation_of_chunks(unread, 1.0, [1, 2.7])
+    assert len(next(unread)) == 1000
+
+
 def test_chunks_of_different_axes():
     chunks = [np.zeros((500, 3)), np.zeros((500, 1))]
     with pytest.raises(ValueError, match="a chunk of 1 axes follows chunks of 3"):

@@ -123,6 +123,13 @@ def test_too_few_samples():
         periodogram(np.zeros(3), 1.0)
 
 
+@pytest.mark.parametrize("rate", [0, -100.0, np.inf, np.nan])
+def test_what_is_no_rate(rate):
+    for method in (periodogram, welch):
+        with pytest.raises(ValueError, match=f"^rate {rate:g} Hz: give the sampling rate, above"):
+            method(np.zeros(2000), rate)
+
+
 # ---- Welch ----
 
 

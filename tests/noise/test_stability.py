@@ -122,6 +122,8 @@ def test_two_clusters_must_fit():
 def test_bad_records(function):
     with pytest.raises(Refusal, match="has 999 samples"):
         function(np.zeros(999), 1.0)
+    with pytest.raises(ValueError, match=r"^rate -1 Hz: give the sampling rate, above zero"):
+        function(np.zeros(2000), -1.0)
     values = np.zeros(2000)
     values[3] = np.nan
     with pytest.raises(ValueError, match=r"not finite; .* \(the first is sample 3\)"):

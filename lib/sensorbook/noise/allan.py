@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 import pandas as pd
@@ -73,6 +75,21 @@ def cluster_sizes(samples: int, rate: float, per_octave: int = 4) -> np.ndarray:
     return m[(m >= 1) & (m <= longest)]
 
 
+def check_rate(rate: float) -> None:
+    """ValueError where `rate` (Hz) is no sampling rate."""
+    if not 0 < rate < math.inf:
+        raise ValueError(f"rate {rate:g} Hz: give the sampling rate, above zero")
+
+
+def whole_clusters(clusters: Iterable[int]) -> np.ndarray:
+    """(T,) cluster sizes as integers; ValueError that names the first that is not a whole number."""
+    clusters = list(clusters)
+    for m in clusters:
+        if not (isinstance(m, Real) and float(m).is_integer()):
+            raise ValueError(f"cluster size {m} is not a whole number of samples")
+    return np.array(clusters, dtype=np.int64)
+
+
 def chosen_clusters(
     clusters: np.ndarray | None, samples: int, rate: float, span: int = 2
 ) -> np.ndarray:
@@ -83,8 +100,9 @@ def chosen_clusters(
     Refusal
         fewer than 1000 samples where the cluster sizes are left to the function
     ValueError
-        a cluster size below 1 or above N/span
+        a rate that is not above zero, a cluster size below 1, above N/span or not whole
     """
+    check_rate(rate)
     if clusters is None:
         if samples < MINIMUM_SAMPLES:
             raise Refusal(
@@ -93,7 +111,7 @@ def chosen_clusters(
                 "Record a rest of one hour or more.",
             )
         clusters = cluster_sizes(samples, rate)
-    clusters = np.asarray(clusters, dtype=np.int64)
+    clusters = whole_clusters(clusters)
     bad = clusters[(clusters < 1) | (span * clusters > samples)]
     if bad.size:
         raise ValueError(
@@ -231,6 +249,8 @@ def allan_deviation(
     alone, which seldom governs beyond the shortest cluster times, has s times the variance: ask for
     `exact` there.
 
+    Constant data give zeros, to within rounding.
+
     Memory beyond the input is one running integral in double precision, whatever the type and the
     number of axes. `allan_stream` is for records that do not fit into memory.
 
@@ -247,7 +267,8 @@ def allan_deviation(
     Refusal
         fewer than 1000 samples where the cluster sizes are left to the function
     ValueError
-        a cluster size below 1 or above N/2, or samples that are not finite
+        a rate that is not above zero; a cluster size below 1, above N/2 or not whole; samples that are
+        not finite
 
     Examples
     --------

@@ -16,12 +16,14 @@ from sensorbook.noise.allan import (
     AllanCurve,
     as_columns,
     check_finite,
+    check_rate,
     chosen_clusters,
     cluster_sizes,
     curve_from_sums,
     integrate,
     squared_differences,
     thinned,
+    whole_clusters,
 )
 
 LONGEST = 2**18  # cluster size up to which every sample of the integral is at hand
@@ -74,7 +76,8 @@ def allan_deviation_of_chunks(
     Refusal, ValueError
         as `allan_deviation`; of cluster sizes beyond N/2 once N is known, at the end
     """
-    wanted = cluster_sizes(5 * LONGEST, rate) if clusters is None else np.asarray(clusters)
+    check_rate(rate)
+    wanted = cluster_sizes(5 * LONGEST, rate) if clusters is None else whole_clusters(clusters)
     near = np.unique(wanted[(wanted >= 1) & (wanted <= LONGEST)])
     strides = thinned(near)
     samples = 0

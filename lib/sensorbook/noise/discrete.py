@@ -7,13 +7,13 @@ and nowhere else.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from sensorbook import units
+from sensorbook.noise.allan import check_rate
 from sensorbook.noise.model import TERMS, NoiseTerms
 from sensorbook.noise.result import NoiseEstimate
 
@@ -68,8 +68,7 @@ def discrete_values(terms: NoiseTerms, rate: float) -> dict[str, float]:
     >>> abs(allan_deviation(noise, 100.0).at(1.0)[0] / 0.01 - 1) < 0.05
     np.True_
     """
-    if not 0 < rate < math.inf:
-        raise ValueError(f"rate {rate!r} Hz: give the sampling rate, above zero")
+    check_rate(rate)
     return {name: getattr(terms, name) * rate**step.power for name, step in STEPS.items()}
 
 

@@ -11,7 +11,7 @@ from scipy import fft, signal, special, stats
 
 from sensorbook.errors import Refusal
 from sensorbook.estimate import Estimate
-from sensorbook.noise.allan import MINIMUM_SAMPLES
+from sensorbook.noise.allan import MINIMUM_SAMPLES, check_rate
 from sensorbook.noise.lowpass import LowPass
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
@@ -116,8 +116,9 @@ def periodogram(
     Raises
     ------
     ValueError
-        fewer than 4 samples, or samples that are not finite
+        a rate that is not above zero, fewer than 4 samples, or samples that are not finite
     """
+    check_rate(rate)
     columns = _columns(values)
     samples = columns.shape[1]
     window = np.sqrt(2) * signal.windows.cosine(samples) if taper else 1.0
@@ -155,7 +156,8 @@ def welch(
     Refusal
         fewer than 1000 samples where the segment is left to the function
     ValueError
-        a segment shorter than 4 samples or longer than the record, or samples that are not finite
+        a rate that is not above zero, a segment shorter than 4 samples or longer than the record, or
+        samples that are not finite
 
     Examples
     --------
@@ -166,6 +168,7 @@ def welch(
     >>> abs(spectrum.density.mean() / 4e-4 - 1) < 0.01
     np.True_
     """
+    check_rate(rate)
     columns = _columns(values)
     samples = columns.shape[1]
     if segment is None:
