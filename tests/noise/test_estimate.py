@@ -12,6 +12,7 @@ from sensorbook.noise import (
     TERMS,
     AllanCurve,
     NoiseTerms,
+    against_truth,
     allan_deviation,
     cluster_sizes,
     find_low_pass,
@@ -426,6 +427,17 @@ def test_read_off_of_white_noise(seed):
     assert found.low < found.value < found.high
     assert terms["bias_instability"] is None
     assert terms["rate_random_walk"] is None
+
+
+def test_a_term_without_a_range_is_not_said_to_be_invisible():
+    n = 0.3 * DEGREE / 60  # 0.3 °/√h
+    curve = exact_curve(NoiseTerms(random_walk=n), 2000, 10.0, "gyroscope")
+    read, fit = read_off(curve), fit_terms(curve)
+    assert read.axes[0].terms["rate_random_walk"] is None
+    assert read.table().loc["K, rate random walk [°/h/√s]", "x"] == "no range"
+    truth = {"noise": {"gyroscope": {"x": {"random_walk": n, "rate_random_walk": None}}}}
+    shown = against_truth(truth, read, fit).loc[("x", "K [°/h/√s]")]
+    assert (shown["truth"], shown["read off"], shown["allan fit"]) == ("none", "no range", "none")
 
 
 def test_read_off_of_a_random_walk():

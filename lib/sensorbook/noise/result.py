@@ -175,7 +175,8 @@ class NoiseEstimate:
 def _cell(estimate: Estimate | None, bound: float | None, si: float) -> str:
     if estimate:
         return f"{estimate.value / si:.3g} ({estimate.low / si:.3g} … {estimate.high / si:.3g})"
-    return "none visible" if bound is None else f"none visible (< {bound / si:.2g})"
+    # A reading has no bound where it found no range: that is no statement of what is visible.
+    return "no range" if bound is None else f"none visible (< {bound / si:.2g})"
 
 
 def _axis_results(axis: AxisNoise, sensor: str) -> dict:

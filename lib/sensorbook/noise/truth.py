@@ -30,7 +30,9 @@ def against_truth(truth: dict, *estimates: NoiseEstimate) -> pd.DataFrame:
             row["truth"] = _shown(true and true / si)
             for estimate in estimates:
                 found = estimate[axis].terms[term]
-                row[estimate.method.replace("_", " ")] = _shown(found and found.value / si)
+                unread = not found and term not in estimate[axis].upper_bounds
+                shown = "no range" if unread else _shown(found and found.value / si)
+                row[estimate.method.replace("_", " ")] = shown
             found, bound = last[axis].terms[term], last[axis].upper_bounds.get(term)
             if found:
                 low, high = found.low / si, found.high / si
