@@ -19,7 +19,7 @@ PERIODS = 16  # fewest in a record that make a component periodic
 CHANCE = 1e-7  # of a false component in a bin
 EXCESS = 1.1  # least power over its surroundings that is worth telling
 NEIGHBOURS = 61  # bins of a hundredth of their frequency: what a component stands out from
-MOST_LINES = 12  # lines subtracted from an axis
+MOST_LINES = 40  # lines subtracted from an axis
 SIDE, LONE = 30, 20.0  # a line is that many times higher than the lines on either side of it
 
 

@@ -113,10 +113,28 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
         low_passes=low_passes,
         shocks=shocks,
         periodic=tuple(
-            tuple(sorted([*lines, *found], key=lambda p: -p.amplitude))
-            for (_, lines), (_, found) in zip(calm, bands, strict=True)
+            tuple(
+                sorted([*lines, *_no_lobes(found, spectrum, i, axis)], key=lambda p: -p.amplitude)
+            )
+            for i, ((_, lines), (_, found), axis) in enumerate(
+                zip(calm, bands, fit.axes, strict=True)
+            )
         ),
     )
+
+
+def _no_lobes(bands: list[Periodic], spectrum: CosineSpectrum, i: int, axis: AxisNoise):
+    """The bands less those beyond the low-pass that lie below the floor: side lobes of a digital filter."""
+    if not axis.low_pass:
+        return bands
+    f, floor = spectrum.frequency, axis.squares["random_walk"]
+    top = REACH * axis.low_pass.cutoff
+
+    def stands_out(p: Periodic) -> bool:
+        inside = (f >= p.band[0]) & (f <= p.band[1])
+        return p.band[0] < top or spectrum.density[inside, i].max(initial=0.0) > floor
+
+    return [p for p in bands if stands_out(p)]
 
 
 def _against_curve(
