@@ -51,11 +51,12 @@ class Report:
         raise KeyError((sensor, chapter))
 
 
-def render(device: Path, out: Path) -> Report:
-    """Renders a device through the command line; its words are in `said`."""
+def render(device: Path, out: Path, *only: str) -> Report:
+    """Renders a device, or `only` some chapters, through the command line; its words are in `said`."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        code = main(["report", str(device), "--out", str(out)])
+        chosen = ["--only", *only] if only else []
+        code = main(["report", str(device), "--out", str(out), *chosen])
     return Report(code, said.getvalue(), out / device.name)
 
 

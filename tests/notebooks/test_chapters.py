@@ -268,6 +268,24 @@ def test_a_shock_is_told_and_kept_from_the_terms(tmp_path):
     assert found["noise"]["z"]["random_walk"]["value"] == pytest.approx(np.radians(0.005), rel=0.06)
 
 
+def test_a_floor_that_bends_but_keeps_half_its_power(tmp_path):
+    static = rest()
+    # |1 + 0.15 e^{−iω}|² falls to 0.55 of its floor at half the sampling rate.
+    static["x"][1:] += 0.15 * static["x"][:-1]
+    report = render(write(tmp_path / "bent", static=static), tmp_path / "reports", "psd")
+    assert report.code == 0, report.said
+    page = report.page("psd")
+    assert (
+        "Axis x: the floor falls towards half the sampling rate, 10 Hz. Nothing above 2 Hz" in page
+    )
+    assert "half its power at" not in page
+    assert re.search(
+        r"Axis y: the reading's noise density \(one-sided\) is 0\.\d+ °/s/√Hz \(.+ … .+, the 95 %",
+        page,
+    )
+    assert "What the report states is the likelihood of the chapter on noise identification" in page
+
+
 def test_two_rests_stand_beside_each_other(tmp_path):
     device = write(tmp_path / "twice", static=rest(seconds=200))
     columns = np.column_stack(list(rest(seconds=100, seed=8).values()))
