@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from sensorbook.errors import Refusal
 from sensorbook.noise.allan import AllanCurve, allan_deviation, cluster_sizes
 from sensorbook.noise.curves import (
     CurveFit,
@@ -281,11 +282,27 @@ def test_the_low_pass_is_left_out_and_its_trace_accounted_for():
 def test_a_short_curve_goes_without_the_fits_it_cannot_carry():
     values = np.random.default_rng(412).normal(size=1000)
     curve = allan_deviation(values, 1.0)
+    assert len(curve.tau) == 26  # more than twice 11 coefficients, not twice 21
     c = compare_fits(curve, "x", fit_terms(curve).axes[0])
-    assert len(curve.tau) < 30
-    assert c.row("polynomial, degree 10", "log") is not None
-    left_out = len(curve.tau) <= 21
-    assert (c.row("polynomial, degree 20", "log") is None) == left_out
-    # Every other point does not carry ten degrees.
-    assert c.row("polynomial, degree 10", "log").held_out is None or len(curve.tau) > 22
+    for way in ("raw", "log"):
+        assert c.row("polynomial, degree 20", way) is None
+        assert c.row("polynomial, degree 10", way) is not None
+        assert c.row("rational 4/2", way) is not None
+    # Without them no fit that is kept has a slope of nonsense, in logarithms.
+    assert all(r.slope_error < 5 for r in c.rows if r.sound and r.fit.variables == "log")
     json.dumps(c.to_results(), allow_nan=False)
+
+
+def test_a_curve_with_hardly_a_point_outside_the_low_pass_is_refused():
+    values = np.random.default_rng(413).normal(size=1000)
+    curve = allan_deviation(values, 1.0)
+    noise = fit_terms(curve).axes[0]
+    kept = curve.tau[-14:]
+    with pytest.raises(Refusal) as refused:
+        compare_fits(curve, "x", noise, LowPass(2 / kept[0], 0.1, 1e-3, 0.5, {2: 1.0}))
+    assert refused.value.reason == (
+        "Axis x: the Allan curve has 14 cluster times outside the low-pass's reach; "
+        "curve fits need at least 15."
+    )
+    with_one_more = LowPass(2 / curve.tau[-15], 0.1, 1e-3, 0.5, {2: 1.0})
+    assert compare_fits(curve, "x", noise, with_one_more).row("rational 4/2", "raw")

@@ -286,6 +286,17 @@ def test_a_floor_that_bends_but_keeps_half_its_power(tmp_path):
     assert "What the report states is the likelihood of the chapter on noise identification" in page
 
 
+def test_a_short_curve_carries_no_polynomial_of_degree_20(tmp_path):
+    device = write(tmp_path / "brief", static=rest(seconds=50))  # 1000 samples
+    report = render(device, tmp_path / "reports", "curve_fits")
+    assert report.code == 0, report.said
+    page = report.page("curve_fits")
+    assert "Axis x: degree 20 is left out, here and in logarithms: 26 cluster times" in page
+    assert "polynomial, degree 10, in logarithms" in page
+    assert "polynomial, degree 20" not in page
+    assert not re.search(r"\de\+\d", page), "numbers in sentences are plain"
+
+
 def test_two_rests_stand_beside_each_other(tmp_path):
     device = write(tmp_path / "twice", static=rest(seconds=200))
     columns = np.column_stack(list(rest(seconds=100, seed=8).values()))

@@ -15,6 +15,7 @@ import pandas as pd
 from numpy.polynomial import Chebyshev, chebyshev
 from scipy import interpolate, optimize
 
+from sensorbook.errors import Refusal
 from sensorbook.noise.allan import AllanCurve
 from sensorbook.noise.estimate import confidence, usable
 from sensorbook.noise.lowpass import LowPass
@@ -23,6 +24,7 @@ from sensorbook.noise.result import AxisNoise, GaussMarkov
 from sensorbook.noise.slopes import smooth_curve
 
 DEGREES = (5, 10, 20)  # work A's polynomials
+RATIONAL = 7  # free coefficients of its rational function, 4 over 2
 FINE = 2000  # cluster times at which a fit is looked at between the points
 ITERATIONS = 20  # of Sanathanan and Koerner; they settle in about ten
 
@@ -170,8 +172,8 @@ class Measured:
     ----------
     rms, largest : residual at the cluster times where the fit is positive, decades
     not_positive : share of the range of log τ in which it is not
-    held_out : rms on every other cluster time of the fit to those between, decades; None where these are
-        too few, or where the fit to them is somewhere not positive
+    held_out : rms on every other cluster time of the fit to those between, decades; None where that
+        fit is somewhere not positive
     slope_error : rms difference of the slope from the reference, where the fit is positive; None for
         the reference itself
     """
@@ -258,16 +260,27 @@ def compare_fits(
 ) -> Comparison:
     """Work A's fits, the same in logarithms, AAA, the spline and the sum of terms on one axis's curve.
 
-    Cluster times within the low-pass's reach are left out for all of them. Fits with more
-    coefficients than the curve has points are left out.
+    Cluster times within the low-pass's reach are left out for all of them. So are fits that have not
+    more than two points for each coefficient: they would pass through the points and swing between.
 
     Parameters
     ----------
     noise : the axis's terms as the spectrum gives them, without a trace of the low-pass
     truth : SI coefficients by term of a simulated device, None for an absent one; the slopes are then
         compared with theirs (and the low-pass's trace), else with those of the fitted terms
+
+    Raises
+    ------
+    Refusal
+        not more than two cluster times for each coefficient of the rational function
     """
     i, used = "xyz".index(axis), np.flatnonzero(usable(curve, low_pass))
+    if len(used) <= 2 * RATIONAL:
+        raise Refusal(
+            f"Axis {axis}: the Allan curve has {len(used)} cluster times outside the low-pass's reach; "
+            f"curve fits need at least {2 * RATIONAL + 1}.",
+            "Record a longer rest.",
+        )
     tau, sigma = curve.tau, curve.deviation[:, i]
     _, band = confidence(sigma**2, 2 / noise.edf)
     width = np.log(band[:, 1] / band[:, 0]) / 2
@@ -283,7 +296,7 @@ def compare_fits(
     ways = []  # coefficients, and the fit to some points
     for log in (False, True):
         ways += [(degree + 1, of(fit_polynomial, degree, log)) for degree in DEGREES]
-        ways += [(7, of(fit_rational, 4, 2, log))]
+        ways += [(RATIONAL, of(fit_rational, 4, 2, log))]
     ways += [
         # What the curve scatters by: below that there is nothing to approximate.
         (4, lambda points: of(fit_aaa, float(np.median(width[points])))(points)),
@@ -294,9 +307,9 @@ def compare_fits(
         true = fit_physical(_with_low_pass({n: v**2 for n, v in truth.items() if v}, low_pass))
     reference = (terms if truth is None else true).slope(tau[used])
     rows = [
-        _measure(make, tau, sigma, used, coefficients, reference)
+        _measure(make, tau, sigma, used, reference)
         for coefficients, make in ways
-        if len(used) > coefficients
+        if len(used) > 2 * coefficients
     ]
     if truth is None:  # the terms' own slope is the reference
         rows[-1] = replace(rows[-1], slope_error=None)
@@ -318,26 +331,24 @@ def _with_low_pass(squares: dict[str, float], low_pass: LowPass | None) -> dict[
     return squares | {"quantization": squares.get("quantization", 0.0) + trace}
 
 
-def _measure(make, tau, sigma, used, coefficients, reference) -> Measured:
+def _measure(make, tau, sigma, used, reference) -> Measured:
     fit = make(used)
     residual = fit.residual(tau[used], sigma[used])
     fine = np.geomspace(*tau[used[[0, -1]]], FINE)
-    held_out, kept, left = None, used[::2], used[1 : len(used) - 1 : 2]
-    if len(kept) > coefficients:
-        outside = make(kept).residual(tau[left], sigma[left])
-        held_out = _rms(outside) if np.isfinite(outside).all() else None
+    left = used[1 : len(used) - 1 : 2]
+    outside = make(used[::2]).residual(tau[left], sigma[left])
     return Measured(
         fit,
         _rms(residual),
         float(np.nanmax(np.abs(residual))),
         float(np.mean(~(fit.deviation(fine) > 0))),
-        held_out,
+        _rms(outside) if np.isfinite(outside).all() else None,
         _rms(fit.slope(tau[used]) - reference),
     )
 
 
 def _shown(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2g}" if value < 100 else f"{value:.0f}"
+    return "–" if value is None else f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
 
 
 def _rms(values: np.ndarray) -> float:
