@@ -8,7 +8,7 @@ import pytest
 import sensorbook
 from sensorbook import InputError, Recording, Refusal
 from sensorbook.recordings import check
-from sensorbook.recordings.findings import saturation
+from sensorbook.recordings.findings import saturation, too_coarse
 
 from .conftest import recording
 
@@ -108,6 +108,27 @@ def test_saturation(rng):
     assert "-32768" in saturation(counts, "positions")
     assert saturation(np.rint(noise * 2).astype(np.int16), "static") == ""  # coarse, not stuck
     assert saturation(np.sin(np.arange(20_000) / 50).round(3), "rotation") == ""
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.25, 0.5])  # of a step, from a level
+def test_a_resolution_coarser_than_the_noise(rng, offset):
+    noise = offset + rng.normal(size=(20_000, 3)) * [0.3, 0.45, 0.6]
+    noise[5000] += 100  # a shock
+    steps = [too_coarse(column) for column in (0.1 * np.rint(noise)).T]
+    assert steps == pytest.approx([0.1, 0.1, 0.0])
+    assert too_coarse(noise[:, 0]) == 0.0
+    assert too_coarse(np.zeros(500)) == 0.0
+
+
+def test_a_coarse_resolution_is_a_finding_of_a_rest(write, rng):
+    columns = axes(rng, 500)
+    assert findings(write(t=np.arange(500) / 50, **columns)) == []
+    columns["y"] = 0.01 * np.rint(0.4 * rng.normal(size=500))
+    assert findings(write(t=np.arange(500) / 50, **columns)) == [
+        "resolution: its resolution of 0.01 rad/s on y is coarser than its noise: "
+        "what is reported as white noise is that of rounding"
+    ]
+    assert findings(write(kind="trajectory", t=np.arange(500) / 50, **columns)) == []
 
 
 @pytest.mark.parametrize(

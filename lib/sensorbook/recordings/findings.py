@@ -1,4 +1,4 @@
-"""What is odd about readable data: gaps, stamps, missing values, saturation, shocks, units."""
+"""What is odd about readable data: gaps, stamps, missing values, saturation, shocks, units, resolution."""
 
 from __future__ import annotations
 
@@ -59,6 +59,11 @@ def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
         if len(rows):
             say("spike", f"{_samples(len(rows))} beyond {SPIKE_SIGMAS:g} robust standard deviations, "
                          f"{span(recording.time[rows])}")  # fmt: skip
+        for axis, column in zip("xyz", recording.values.T, strict=False):
+            if step := too_coarse(column):
+                size = f"{step:.3g} {recording.unit} on {axis}"
+                say("resolution", f"its resolution of {size} is coarser than its noise: what is "
+                                  "reported as white noise is that of rounding")  # fmt: skip
     if recording.temperature is not None:
         _temperature(recording.temperature, say)
 
@@ -129,6 +134,20 @@ def _piled_up(column: np.ndarray, extreme: float) -> bool:
     if extreme == levels[0]:
         return bool(counts[0] > 10 * counts[1:11].mean())
     return bool(counts[-1] > 10 * counts[-11:-1].mean())
+
+
+def too_coarse(column: np.ndarray) -> float:
+    """Smallest step between the values where the noise is below half of it, else 0.
+
+    The noise is that of neighbouring samples, so that no drift counts, as the median over blocks of
+    about a hundred, so that no shock does. Rounding adds step²/12 to its variance.
+    """
+    step, change = _resolution(column), np.diff(column[np.isfinite(column)])
+    if not step:
+        return 0.0
+    blocks = np.array_split(change, max(1, len(change) // 100))
+    variance = float(np.median([block @ block / len(block) for block in blocks])) / 2
+    return step if variance < step**2 * (1 / 4 + 1 / 12) else 0.0
 
 
 def shocks(values: np.ndarray) -> np.ndarray:

@@ -24,7 +24,8 @@ class Finding:
     ----------
     file : name of the file, relative to the device folder
     where : sensor, column or time range
-    kind : 'gap', 'duplicate', 'backward', 'nan', 'saturated', 'spike', 'rate', 'unit', 'temperature'
+    kind : 'gap', 'duplicate', 'backward', 'nan', 'saturated', 'spike', 'resolution', 'rate', 'unit',
+        'temperature'
     message : what was found, with its figures
     """
 
