@@ -15,7 +15,7 @@ from scipy import signal
 
 import sensorbook
 from sensorbook.noise import identify_noise
-from sensorbook.noise.agreement import outside_band
+from sensorbook.noise.agreement import departures
 from sensorbook.units import field_unit
 
 RECORDINGS = ("adis16405-1", "adis16405-2", "adis16405-3")
@@ -60,7 +60,7 @@ def main() -> None:
                 inside = np.mean((model >= a.band[:, 0]) & (model <= a.band[:, 1]))
                 left = [
                     f"{m.tau_range[0]:.3g}–{m.tau_range[1]:.3g} s by {100 * m.size:+.2g} %"
-                    for m in outside_band(f.curve.tau, a.band, deviation, model)
+                    for m in departures(f.curve.tau, a.band, deviation, model)
                 ]
                 print(
                     f"  {name} {axis}: {100 * inside:3.0f} %{'; told: ' if left else ''}{', '.join(left)}"

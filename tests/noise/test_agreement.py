@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sensorbook.noise import variance_from_spectrum
-from sensorbook.noise.agreement import binned_variance, outside_band, worst_departure
+from sensorbook.noise.agreement import binned_variance, departures, worst_departure
 from sensorbook.noise.cosine import cosine_spectrum
 from sensorbook.noise.model import TERMS, NoiseTerms
 
@@ -151,7 +151,7 @@ def band_of(deviation, reach=0.1):
 
 def test_nothing_outside():
     deviation = np.sqrt(MODEL)
-    assert outside_band(TAU, band_of(deviation), deviation, 1.09 * deviation) == ()
+    assert departures(TAU, band_of(deviation), deviation, 1.09 * deviation) == ()
 
 
 def test_stretches_of_an_octave_and_more_are_told():
@@ -160,7 +160,7 @@ def test_stretches_of_an_octave_and_more_are_told():
     model[3:5] *= 1.5  # half an octave
     model[8:11] *= 0.8, 0.5, 0.8  # an octave
     model[15:20] *= 1.25
-    found = outside_band(TAU, band_of(deviation), deviation, model)
+    found = departures(TAU, band_of(deviation), deviation, model)
     assert [m.tau_range for m in found] == [(TAU[8], TAU[10]), (TAU[15], TAU[19])]
     assert [m.size for m in found] == pytest.approx([1.0, -0.2])
     assert found[0].tau == TAU[9]
@@ -169,4 +169,4 @@ def test_stretches_of_an_octave_and_more_are_told():
 def test_a_band_that_is_not_known_tells_nothing():
     deviation = np.sqrt(MODEL)
     band = np.full((len(TAU), 2), np.nan)
-    assert outside_band(TAU, band, deviation, 5 * deviation) == ()
+    assert departures(TAU, band, deviation, 5 * deviation) == ()

@@ -1,11 +1,17 @@
-"""Shocks and periodic components: found, named, kept from the terms, and none where there is none."""
+"""Shocks, steps and periodic components: found, named, kept from the terms, and none where there is none."""
 
 import numpy as np
 import pytest
 
 from sensorbook import Refusal
 from sensorbook.noise.cosine import cosine_spectrum
-from sensorbook.noise.disturbances import bridge, find_bands, find_shocks, take_out_lines
+from sensorbook.noise.disturbances import (
+    bridge,
+    find_bands,
+    find_shocks,
+    take_out_lines,
+    take_out_steps,
+)
 
 from .series import in_time, low_passed
 
@@ -295,3 +301,61 @@ def test_scale_does_not_matter_for_periodic_components():
             assert other.amplitude == pytest.approx(scale * one.amplitude, rel=1e-6)
             assert other.frequency == pytest.approx(one.frequency, rel=1e-6)
             assert other.band == pytest.approx(one.band, rel=1e-6)
+
+
+# ---- steps ----
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("seconds", [100.0, 301.5, 520.0])
+def test_a_step_is_found_and_taken_out(seconds, sign):
+    noise = rest(60)[:, 0]
+    values = noise + sign * np.where(seconds <= TIME, 2.0, 0.0)
+    level, (step,) = take_out_steps(values)
+    # Two standard deviations of a sample: seen to some samples, the size to that of means of a second or so.
+    assert step.start / RATE == pytest.approx(seconds, abs=0.1)
+    assert step.size == pytest.approx(sign * 2.0, abs=0.4)
+    after, before = seconds + 1 <= TIME, seconds - 1 > TIME
+    assert np.mean(level[after] - noise[after]) == pytest.approx(0, abs=0.4)
+    np.testing.assert_array_equal(level[before], values[before])
+
+
+def test_a_plateau_is_two_steps_in_order():
+    plateau = np.where((TIME >= 200) & (TIME < 260), 1.5, 0.0)
+    _, steps = take_out_steps(rest(61)[:, 0] + plateau)
+    assert [s.start / RATE for s in steps] == pytest.approx([200, 260], abs=0.2)
+    assert [s.size for s in steps] == pytest.approx([1.5, -1.5], abs=0.4)
+
+
+@pytest.mark.parametrize("name", ["white", "flicker", "walk", "mixture"])
+def test_noise_has_no_steps(name):
+    terms = {
+        "white": {"n": 0.1},
+        "flicker": {"b": 1.0},
+        "walk": {"k": 1.0},
+        "mixture": {"n": 0.1, "b": 0.05, "k": 0.01},
+    }[name]
+    for seed in range(20):
+        values = in_time(20_000, RATE, np.random.default_rng([84, 70, seed]), **terms)
+        level, steps = take_out_steps(values)
+        assert steps == []
+        np.testing.assert_array_equal(level, values)
+
+
+@pytest.mark.parametrize(
+    "slow",
+    [
+        0.01 * TIME,
+        20 * np.exp(-TIME / 100),
+        3 * np.sin(2 * np.pi * TIME / 150),
+        2 / (1 + np.exp(-(TIME - 300) / 20)),
+    ],
+    ids=["ramp", "warm-up", "swing", "slow change"],
+)
+def test_what_changes_slowly_is_no_step(slow):
+    assert take_out_steps(rest(62)[:, 0] + slow)[1] == []
+
+
+def test_a_constant_and_a_short_record_have_no_steps():
+    assert take_out_steps(np.full(1000, 3.0))[1] == []
+    assert take_out_steps(np.arange(100.0))[1] == []

@@ -9,7 +9,7 @@ from scipy import signal
 import sensorbook
 from sensorbook import Recording, Refusal
 from sensorbook.noise import TERMS, allan_deviation, best_averaging, identify_noise
-from sensorbook.noise.agreement import outside_band
+from sensorbook.noise.agreement import departures
 from sensorbook.simulate.noise import coloured_noise
 
 from .series import in_time, low_passed
@@ -226,6 +226,14 @@ def test_many_shocks_do_not_lower_n():
 # ---- bad input ----
 
 
+def test_a_record_that_repeats_itself_is_refused():
+    with pytest.raises(Refusal) as refusal:
+        identify_noise(np.tile([0.0, 1.0], 5000), RATE)
+    assert refusal.value.reason == (
+        "The record repeats itself: its Allan deviation is zero at τ = 0.02 s. No sensor's noise does."
+    )
+
+
 def test_too_short():
     for samples in (0, 1, 999):
         with pytest.raises(Refusal) as refusal:
@@ -430,7 +438,7 @@ def test_the_terms_give_the_allan_curve_of_real_gyroscopes(real, name):
     found = real["gyroscope", name]
     for i, axis in enumerate(found.fit.axes):
         model, deviation = np.sqrt(axis.variance), found.curve.deviation[:, i]
-        left = outside_band(found.curve.tau, axis.band, deviation, model)
+        left = departures(found.curve.tau, axis.band, deviation, model)
         # Where less than 90 % lie inside, a report has what to say.
         assert inside(found, i).mean() >= 0.9 or left
         # The band is 0.2 % wide at the shortest cluster times, where z has a resonance of its own.

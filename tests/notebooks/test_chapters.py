@@ -117,7 +117,8 @@ def test_demo_methods_stand_side_by_side_and_the_fits_agree(demo):
 
 def test_demo_holds_no_disturbance(demo):
     for found in demo.results["sensors"].values():
-        assert found["disturbances"] == {"periodic": {"x": [], "y": [], "z": []}, "shocks": []}
+        none = {"x": [], "y": [], "z": []}
+        assert found["disturbances"] == {"periodic": none, "shocks": [], "steps": none}
 
 
 def test_demo_thermal_against_truth(demo):
@@ -194,7 +195,7 @@ def test_plain_device(plain):
     assert "was not simulated: there is no truth" in allan
     assert "the floor is white up to half the sampling rate" in allan
     noise_page = plain.page("noise")
-    assert "the floor is level up to half the sampling rate; every line is used" in noise_page
+    assert "the floor is level up to half the sampling rate; every line outside" in noise_page
     assert "was not simulated: there is no truth" in noise_page
     assert "no random walk is visible" in noise_page
     assert any("heating only" in w["message"] for w in plain.results["warnings"])
@@ -255,9 +256,10 @@ def test_a_sinusoid_is_told_and_kept_from_the_terms(refused):
     assert any(m.startswith("gyroscope, axis x: periodic components") for m in messages)
 
 
-def test_a_shock_is_told_and_kept_from_the_terms(tmp_path):
+def test_a_shock_and_a_step_are_told_and_kept_from_the_terms(tmp_path):
     static = rest(seconds=600)
     static["z"][5000:5004] += 3.0  # at 250 s; 130 standard deviations of a sample
+    static["y"][8000:] += 0.1  # at 400 s
     report = render(write(tmp_path / "knocked", static=static), tmp_path / "reports")
     found = report.results["sensors"]["gyroscope"]
     shock = found["disturbances"]["shocks"][0]

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import fft, special
 
 BIN = 0.01  # width of a bin over its frequency; below 1/BIN lines each line is a bin of its own
+NOTHING = 1e-30  # of the strongest bin's density: rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,9 @@ def cosine_spectrum(values: np.ndarray, rate: float) -> CosineSpectrum:
         x = np.asarray(column, dtype=float)
         x = fft.dct(x - x.mean(), norm="ortho", overwrite_x=True)[1:] / np.sqrt(rate)
         product.append(binned(x * ramp))
-        density.append(binned(np.square(x, out=x)))
+        power = binned(np.square(x, out=x))
+        # An alternating record has lines of exactly nothing, whose logarithm is none.
+        density.append(np.maximum(power, NOTHING * power.max()))
     return CosineSpectrum(
         frequency=binned(j * (rate / (2 * n))),
         density=np.stack(density, axis=1),

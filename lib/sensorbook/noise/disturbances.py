@@ -1,4 +1,4 @@
-"""What a rest holds besides noise: shocks, and periodic components (A 3.1)."""
+"""What a rest holds besides noise: shocks, steps of the bias, and periodic components (A 3.1)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ SHOCK_SIGMAS = 10.0  # no normal variable gets there; sensors with heavy tails r
 TREND = 1001  # samples of the running median that shocks stand out from
 JOINED, PADDED = 2.0, 0.5  # s: shocks closer than this are one; what rings on around them
 MOST_SHOCKED = 0.1  # share of a record that is no longer a rest
+
+STEP_SIGMAS = 8.0  # of differences of neighbouring means, which are normal for every noise term
+SHARP = 0.6  # least share of a step's size that stands in a quarter of the window
+MOST_STEPS = 6  # taken out of an axis
 
 PERIODS = 16  # fewest in a record that make a component periodic
 CHANCE = 1e-7  # of a false component in a bin
@@ -35,6 +39,20 @@ class Shock:
 
     start: int
     stop: int
+    size: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """A sudden lasting change of an axis's reading.
+
+    Attributes
+    ----------
+    start : first sample after it
+    size : SI
+    """
+
+    start: int
     size: float
 
 
@@ -123,6 +141,46 @@ def bridge(values: np.ndarray, shocks: tuple[Shock, ...], rate: float) -> np.nda
         noise = noise[::-1] - np.mean(noise, axis=0) if len(noise) == length else 0.0
         bridged[start:stop] = ends[0] * (1 - share) + ends[-1] * share + noise
     return bridged
+
+
+def take_out_steps(column: np.ndarray) -> tuple[np.ndarray, list[Step]]:
+    """The signal without sudden lasting changes of its level, and these in order of time.
+
+    Means of neighbouring windows differ by normal amounts whatever noise terms there are, a random walk
+    included; where two differ by eight robust standard deviations of all such differences, and the change
+    is as large in a quarter of the window, the level has stepped. A slow change is none.
+    """
+    rest, found = np.asarray(column, dtype=float), []
+    while len(found) < MOST_STEPS and (step := _largest_step(rest)):
+        found.append(step)
+        rest = rest.copy()
+        rest[step.start :] -= step.size
+    return rest, sorted(found, key=lambda s: s.start)
+
+
+def _largest_step(column: np.ndarray) -> Step | None:
+    """The step seen in the shortest windows that show one; None where there is none."""
+    total = np.concatenate([[0.0], np.cumsum(column - np.mean(column))])
+
+    def change(at, width):
+        return (total[at + width] - 2 * total[at] + total[at - width]) / width
+
+    width = 32
+    while 16 * width <= len(column):
+        at = np.arange(4 * width, len(column) - 4 * width + 1, max(1, width // 8))
+        size = change(at, width)
+        departure = np.abs(size - np.median(size))
+        spread = 1.4826 * np.median(departure)
+        i = int(np.argmax(departure))
+        if spread > 0 and departure[i] > STEP_SIGMAS * spread:
+            around = np.arange(max(at[i] - width, at[0]), min(at[i] + width, at[-1]) + 1)
+            # Two levels within these windows: the corner of their running sum.
+            start = int(around[np.argmax(np.abs(change(around, width)))])
+            whole = float(change(start, 4 * width))
+            if abs(change(start, width)) > SHARP * abs(whole):
+                return Step(start, whole)
+        width *= 2
+    return None
 
 
 def take_out_lines(column: np.ndarray, rate: float) -> tuple[np.ndarray, list[Periodic]]:

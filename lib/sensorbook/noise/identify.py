@@ -15,10 +15,12 @@ from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.disturbances import (
     Periodic,
     Shock,
+    Step,
     bridge,
     find_bands,
     find_shocks,
     take_out_lines,
+    take_out_steps,
 )
 from sensorbook.noise.estimate import confidence, fit_terms
 from sensorbook.noise.lowpass import LowPass, low_pass_of
@@ -44,7 +46,9 @@ class Identified:
     spectrum : cosine spectrum of that record
     kept_out : for each axis (F,) mask of the spectrum's bins that are left out of the terms
     low_passes : for each axis, None where its floor is level
-    shocks : stretches bridged by straight lines, of all axes
+    shocks : stretches bridged, of all axes
+    bridged : share of the record that the bridges make
+    steps : for each axis, sudden lasting changes of its level, taken out
     periodic : for each axis, the strongest first
     """
 
@@ -56,6 +60,8 @@ class Identified:
     kept_out: tuple[np.ndarray, ...]
     low_passes: tuple[LowPass | None, ...]
     shocks: tuple[Shock, ...]
+    bridged: float
+    steps: tuple[tuple[Step, ...], ...]
     periodic: tuple[tuple[Periodic, ...], ...]
 
     def _repr_html_(self) -> str:
@@ -89,9 +95,17 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
                 "Record again with the sensor running, at a finer resolution.",
             )
     shocks = find_shocks(values, rate)
-    calm = [take_out_lines(column, rate) for column in bridge(values, shocks, rate).T]
+    bridged = bridge(values, shocks, rate)
+    level = [take_out_steps(column) for column in bridged.T]
+    calm = [take_out_lines(column, rate) for column, _ in level]
     record = np.stack([column for column, _ in calm], axis=1)
     spectrum, curve = cosine_spectrum(record, rate), allan_deviation(record, rate, sensor=sensor)
+    if not curve.deviation.all():
+        tau = curve.tau[np.flatnonzero((curve.deviation == 0).any(axis=1))[0]]
+        raise Refusal(
+            f"The record repeats itself: its Allan deviation is zero at τ = {tau:g} s. No sensor's noise does.",
+            "Record the sensor itself, at a finer resolution.",
+        )
     bands = [find_bands(spectrum, i) for i in range(record.shape[1])]
     kept_out = tuple(mask for mask, _ in bands)
     low_passes = tuple(low_pass_of(spectrum, i, ~mask) for i, mask in enumerate(kept_out))
@@ -112,6 +126,8 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
         kept_out=kept_out,
         low_passes=low_passes,
         shocks=shocks,
+        bridged=float(np.mean((bridged != values).any(axis=1))) if shocks else 0.0,
+        steps=tuple(tuple(steps) for _, steps in level),
         periodic=tuple(
             tuple(
                 sorted([*lines, *_no_lobes(found, spectrum, i, axis)], key=lambda p: -p.amplitude)
