@@ -103,7 +103,8 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
     if not curve.deviation.all():
         tau = curve.tau[np.flatnonzero((curve.deviation == 0).any(axis=1))[0]]
         raise Refusal(
-            f"The record repeats itself: its Allan deviation is zero at τ = {tau:g} s. No sensor's noise does.",
+            f"The record repeats itself: its Allan deviation is zero at τ = {tau:g} s. "
+            "No sensor's noise does.",
             "Record the sensor itself, at a finer resolution.",
         )
     bands = [find_bands(spectrum, i) for i in range(record.shape[1])]

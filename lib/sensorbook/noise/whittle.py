@@ -113,7 +113,8 @@ def _fit_axis(
         frequency_range=(float(frequency[0]), float(frequency[-1])),
         model_error=error,
         gauss_markov=process,
-        low_pass=low_pass,
+        # With the shape that belongs to these terms and weights.
+        low_pass=low_pass and low_pass.shifted(likelihood.shift(names)),
     )
 
 
