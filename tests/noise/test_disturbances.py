@@ -325,6 +325,17 @@ def test_a_plateau_is_two_steps_in_order():
     _, steps = take_out_steps(rest(61)[:, 0] + plateau)
     assert [s.start / RATE for s in steps] == pytest.approx([200, 260], abs=0.2)
     assert [s.size for s in steps] == pytest.approx([1.5, -1.5], abs=0.4)
+    assert all(s.lasting for s in steps)
+
+
+def test_an_edge_that_does_not_last_is_told_and_left_in():
+    # Up at once, and down over a minute.
+    bump = np.clip((TIME >= 300) * 2.0 - np.clip((TIME - 300) / 30, 0, None), 0, None)
+    values = rest(63)[:, 0] + bump
+    level, steps = take_out_steps(values)
+    assert [s.start / RATE for s in steps] == pytest.approx([300], abs=0.2)
+    assert [s.lasting for s in steps] == [False]
+    np.testing.assert_array_equal(level, values)
 
 
 @pytest.mark.parametrize("name", ["white", "flicker", "walk", "mixture"])

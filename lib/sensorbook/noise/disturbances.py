@@ -44,16 +44,18 @@ class Shock:
 
 @dataclass(frozen=True)
 class Step:
-    """A sudden lasting change of an axis's reading.
+    """A sudden change of an axis's level.
 
     Attributes
     ----------
     start : first sample after it
     size : SI
+    lasting : False where the level does not stay; it is then left in the signal
     """
 
     start: int
     size: float
+    lasting: bool = True
 
 
 @dataclass(frozen=True)
@@ -144,28 +146,52 @@ def bridge(values: np.ndarray, shocks: tuple[Shock, ...], rate: float) -> np.nda
 
 
 def take_out_steps(column: np.ndarray) -> tuple[np.ndarray, list[Step]]:
-    """The signal without sudden lasting changes of its level, and these in order of time.
+    """The signal without sudden lasting changes of its level, and all sudden ones in order of time.
 
     Means of neighbouring windows differ by normal amounts whatever noise terms there are, a random walk
     included; where two differ by eight robust standard deviations of all such differences, and the change
-    is as large in a quarter of the window, the level has stepped. A slow change is none.
+    is as large in a quarter of the window, the level has stepped. A slow change is none. A step that does
+    not last, such as an edge of a bump whose other edge is not sudden, is told but left in.
     """
-    rest, found = np.asarray(column, dtype=float), []
-    while len(found) < MOST_STEPS and (step := _largest_step(rest)):
-        found.append(step)
-        rest = rest.copy()
-        rest[step.start :] -= step.size
-    return rest, sorted(found, key=lambda s: s.start)
+    column = np.asarray(column, dtype=float)
+    jumps: list[tuple[int, float, int]] = []
+    while len(jumps) < MOST_STEPS and (jump := _largest_jump(_without(column, jumps))):
+        jumps.append(jump)
+    lasting = jumps
+    while lasting and not all(stay := [_lasts(column, j, lasting) for j in lasting]):
+        lasting = [j for j, stays in zip(lasting, stay, strict=True) if stays]
+    steps = [Step(start, size, (start, size, w) in lasting) for start, size, w in sorted(jumps)]
+    return _without(column, lasting), steps
 
 
-def _largest_step(column: np.ndarray) -> Step | None:
-    """The step seen in the shortest windows that show one; None where there is none."""
+def _without(column: np.ndarray, jumps: list[tuple[int, float, int]]) -> np.ndarray:
+    level = column.copy() if jumps else column
+    for start, size, _ in jumps:
+        level[start:] -= size
+    return level
+
+
+def _lasts(column: np.ndarray, jump: tuple[int, float, int], jumps: list) -> bool:
+    """Whether the signal is more even without this jump, too, in windows far longer than its own."""
+    start, _, width = jump
+    clean = _change(_without(column, jumps))
+    with_it = _change(_without(column, [j for j in jumps if j != jump]))
+    most = min(start, len(column) - start)
+    return all(
+        abs(clean(start, min(k * width, most))) < abs(with_it(start, min(k * width, most)))
+        for k in (16, 64, 256)
+    )
+
+
+def _change(column: np.ndarray):
+    """Difference of the means of `width` samples after and before `at`, as a function of both."""
     total = np.concatenate([[0.0], np.cumsum(column - np.mean(column))])
+    return lambda at, width: (total[at + width] - 2 * total[at] + total[at - width]) / width
 
-    def change(at, width):
-        return (total[at + width] - 2 * total[at] + total[at - width]) / width
 
-    width = 32
+def _largest_jump(column: np.ndarray) -> tuple[int, float, int] | None:
+    """Start, size and window of the jump seen in the shortest windows that show one, or None."""
+    change, width = _change(column), 32
     while 16 * width <= len(column):
         at = np.arange(4 * width, len(column) - 4 * width + 1, max(1, width // 8))
         size = change(at, width)
@@ -178,7 +204,7 @@ def _largest_step(column: np.ndarray) -> Step | None:
             start = int(around[np.argmax(np.abs(change(around, width)))])
             whole = float(change(start, 4 * width))
             if abs(change(start, width)) > SHARP * abs(whole):
-                return Step(start, whole)
+                return start, whole, width
         width *= 2
     return None
 
