@@ -7,6 +7,7 @@ from sensorbook import Refusal
 from sensorbook.noise.cosine import cosine_spectrum
 from sensorbook.noise.disturbances import (
     bridge,
+    calmed,
     find_bands,
     find_shocks,
     take_out_lines,
@@ -370,3 +371,21 @@ def test_what_changes_slowly_is_no_step(slow):
 def test_a_constant_and_a_short_record_have_no_steps():
     assert take_out_steps(np.full(1000, 3.0))[1] == []
     assert take_out_steps(np.arange(100.0))[1] == []
+
+
+def test_calmed_takes_out_shocks_then_steps():
+    values = rest(64, axes=2)
+    values[10_000:10_005, 0] += 80
+    values[40_000:, 1] += 2
+    calm = calmed(values, RATE)
+    ((shock,), (first, (step,))) = calm.shocks, calm.steps
+    assert (shock.start, shock.stop) == (10_000, 10_005)
+    assert first == ()
+    assert step.start == pytest.approx(40_000, abs=10)
+    # half a second on either side
+    assert calm.bridged == pytest.approx(105 / SAMPLES)
+    assert np.abs(calm.values[9_900:10_100, 0]).max() < 10
+    assert np.mean(calm.values[41_000:, 1]) - np.mean(calm.values[:39_000, 1]) == pytest.approx(
+        0, abs=0.6
+    )
+    assert calmed(rest(64), RATE).bridged == 0

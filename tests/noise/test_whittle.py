@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sensorbook.noise import TERMS, find_low_pass
+from sensorbook.estimate import Estimate
+from sensorbook.noise import TERMS, find_low_pass, variance_from_spectrum
 from sensorbook.noise.cosine import cosine_spectrum
+from sensorbook.noise.result import GaussMarkov
 from sensorbook.noise.whittle import REACH, fit_spectrum
 from sensorbook.simulate.noise import coloured_noise
 
@@ -338,3 +340,16 @@ def test_bins_kept_out():
     # What leaks out of the band is some thousandth of the floor.
     assert same.coefficients.random_walk == pytest.approx(kept.coefficients.random_walk, rel=2e-3)
     assert fit_spectrum(spoiled).axes[0].model_error > 0
+
+
+def test_forms_of_a_gauss_markov_process():
+    process = GaussMarkov(Estimate(30.0, 20.0, 40.0), Estimate(0.3, 0.2, 0.4), 50.0)
+    for tau in (1e-3, 0.5, 30.0, 300.0, 3e4):
+        by_quadrature = variance_from_spectrum(process.spectrum, tau)
+        # The quadrature ends at 2000/τ, beyond which a short cluster's variance still has a share.
+        assert process.allan_variance(tau) == pytest.approx(by_quadrature, rel=0.01)
+    # White noise of the density S(0) once t ≫ T; a constant while t ≪ T.
+    density = process.spectrum(np.array([0.0]))[0]
+    assert density == pytest.approx(2 * 0.3**2 * 30)
+    assert process.integral_growth(1e7) == pytest.approx(np.sqrt(density * 1e7), rel=1e-5)
+    assert process.integral_growth(1e-3) == pytest.approx(0.3 * 1e-3, rel=1e-4)

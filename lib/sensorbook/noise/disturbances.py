@@ -76,6 +76,40 @@ class Periodic:
     steady: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Calm:
+    """A rest without what happened to it.
+
+    Attributes
+    ----------
+    values : (N, A) with shocks bridged and lasting steps taken out
+    shocks : of all axes
+    bridged : share of the record that the bridges make
+    steps : for each axis, those left in included
+    """
+
+    values: np.ndarray
+    shocks: tuple[Shock, ...]
+    bridged: float
+    steps: tuple[tuple[Step, ...], ...]
+
+
+def calmed(values: np.ndarray, rate: float) -> Calm:
+    """A rest with its shocks bridged and its steps taken out; see `bridge` and `take_out_steps`.
+
+    Parameters
+    ----------
+    values : (N, A) evenly sampled
+    rate : Hz
+    """
+    shocks = find_shocks(values, rate)
+    bridged = bridge(values, shocks, rate)
+    share = float(np.mean((bridged != values).any(axis=1))) if shocks else 0.0
+    levels = [take_out_steps(column) for column in bridged.T]
+    level = np.stack([column for column, _ in levels], axis=1)
+    return Calm(level, shocks, share, tuple(tuple(steps) for _, steps in levels))
+
+
 def find_shocks(values: np.ndarray, rate: float) -> tuple[Shock, ...]:
     """Stretches in which any axis departs from its running median by ten robust standard deviations.
 

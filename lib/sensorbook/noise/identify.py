@@ -16,11 +16,9 @@ from sensorbook.noise.disturbances import (
     Periodic,
     Shock,
     Step,
-    bridge,
+    calmed,
     find_bands,
-    find_shocks,
     take_out_lines,
-    take_out_steps,
 )
 from sensorbook.noise.estimate import confidence, fit_terms
 from sensorbook.noise.lowpass import LowPass, low_pass_of
@@ -94,10 +92,8 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
                 f"Axis {name} is constant: every sample is {column[0]:g}.",
                 "Record again with the sensor running, at a finer resolution.",
             )
-    shocks = find_shocks(values, rate)
-    bridged = bridge(values, shocks, rate)
-    level = [take_out_steps(column) for column in bridged.T]
-    calm = [take_out_lines(column, rate) for column, _ in level]
+    rest = calmed(values, rate)
+    calm = [take_out_lines(column, rate) for column in rest.values.T]
     record = np.stack([column for column, _ in calm], axis=1)
     spectrum, curve = cosine_spectrum(record, rate), allan_deviation(record, rate, sensor=sensor)
     if not curve.deviation.all():
@@ -126,9 +122,9 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
         spectrum=spectrum,
         kept_out=kept_out,
         low_passes=low_passes,
-        shocks=shocks,
-        bridged=float(np.mean((bridged != values).any(axis=1))) if shocks else 0.0,
-        steps=tuple(tuple(steps) for _, steps in level),
+        shocks=rest.shocks,
+        bridged=rest.bridged,
+        steps=rest.steps,
         periodic=tuple(
             tuple(
                 sorted([*lines, *_no_lobes(found, spectrum, i, axis)], key=lambda p: -p.amplitude)

@@ -48,6 +48,11 @@ class GaussMarkov:
         t = self.correlation_time.value
         return 2 * self.std.value**2 * t / (1 + (2 * np.pi * f * t) ** 2)
 
+    def integral_growth(self, time: np.ndarray) -> np.ndarray:
+        """Standard deviation of its integral after `time` (s): ``std √(2T(t − T + T e^{−t/T}))``."""
+        t, tc = np.asarray(time, dtype=float), self.correlation_time.value
+        return self.std.value * np.sqrt(2 * tc * (t + tc * np.expm1(-t / tc)))
+
     def allan_variance(self, tau: np.ndarray) -> np.ndarray:
         """σ²(τ) of table A6; `tau` in s."""
         x = np.asarray(tau) / self.correlation_time.value
@@ -111,6 +116,14 @@ class AxisNoise:
         """Two-sided density of the same, before any low-pass; `f` in Hz."""
         process = self.gauss_markov.spectrum(f) if self.gauss_markov else 0.0
         return self.model.spectrum(f, sample_time) + process
+
+    def integral_growth(self, time: np.ndarray) -> dict[str, np.ndarray]:
+        """What each term stated adds to the signal's integral after `time` (s), one standard deviation."""
+        growth = self.coefficients.integral_growth(time)
+        growth = {name: values for name, values in growth.items() if self.terms[name]}
+        if process := self.gauss_markov:
+            growth["gauss_markov"] = process.integral_growth(time)
+        return growth
 
 
 @dataclass(frozen=True, eq=False)
