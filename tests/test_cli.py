@@ -53,7 +53,7 @@ def test_an_unknown_chapter_is_a_usage_error_that_lists_them(capsys, tmp_path):
     assert cli.main(["report", str(tmp_path), "--only", "alan", "thermal"]) == 2
     error = capsys.readouterr().err
     assert "'alan'" in error
-    assert "thermal, allan" in error
+    assert "thermal, psd, allan" in error
     assert "'thermal'" not in error
 
 
