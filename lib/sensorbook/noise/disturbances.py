@@ -191,11 +191,28 @@ def take_out_steps(column: np.ndarray) -> tuple[np.ndarray, list[Step]]:
     jumps: list[tuple[int, float, int]] = []
     while len(jumps) < MOST_STEPS and (jump := _largest_jump(_without(column, jumps))):
         jumps.append(jump)
-    lasting = jumps
+    lasting = list(jumps)
     while lasting and not all(stay := [_lasts(column, j, lasting) for j in lasting]):
         lasting = [j for j, stays in zip(lasting, stay, strict=True) if stays]
-    steps = [Step(start, size, (start, size, w) in lasting) for start, size, w in sorted(jumps)]
-    return _without(column, lasting), steps
+    left = [Step(start, size, False) for start, size, w in jumps if (start, size, w) not in lasting]
+    for _ in range(2):  # each beside the others, whose sizes have changed
+        for k, (start, _, width) in enumerate(lasting):
+            others = _without(column, lasting[:k] + lasting[k + 1 :])
+            lasting[k] = (start, _size(others, start), width)
+    steps = [Step(start, size) for start, size, _ in lasting] + left
+    return _without(column, lasting), sorted(steps, key=lambda s: s.start)
+
+
+def _size(column: np.ndarray, start: int) -> float:
+    """Change of level at `start` from the windows whose means, elsewhere, differ the least."""
+    change, width, best = _change(column), 32, (np.inf, 0.0)
+    while width <= min(start, len(column) - start, len(column) // 8):
+        at = np.arange(width, len(column) - width + 1, width // 8)
+        size = change(at, width)
+        spread = float(np.median(np.abs(size - np.median(size))))
+        best = min(best, (spread, float(change(start, width))))
+        width *= 2
+    return best[1]
 
 
 def _without(column: np.ndarray, jumps: list[tuple[int, float, int]]) -> np.ndarray:
