@@ -13,6 +13,7 @@ from sensorbook.noise.allan import AllanCurve, allan_deviation, as_columns, chec
 from sensorbook.noise.cosine import CosineSpectrum, cosine_spectrum
 from sensorbook.noise.covariance import variance_covariance
 from sensorbook.noise.disturbances import (
+    Calm,
     Periodic,
     Shock,
     Step,
@@ -44,9 +45,7 @@ class Identified:
     spectrum : cosine spectrum of that record
     kept_out : for each axis (F,) mask of the spectrum's bins that are left out of the terms
     low_passes : for each axis, None where its floor is level
-    shocks : stretches bridged, of all axes
-    bridged : share of the record that the bridges make
-    steps : for each axis, sudden lasting changes of its level, taken out
+    calm : the record less its shocks and steps, and these
     periodic : for each axis, the strongest first
     """
 
@@ -57,10 +56,18 @@ class Identified:
     spectrum: CosineSpectrum
     kept_out: tuple[np.ndarray, ...]
     low_passes: tuple[LowPass | None, ...]
-    shocks: tuple[Shock, ...]
-    bridged: float
-    steps: tuple[tuple[Step, ...], ...]
+    calm: Calm
     periodic: tuple[tuple[Periodic, ...], ...]
+
+    @property
+    def shocks(self) -> tuple[Shock, ...]:
+        """Stretches bridged, of all axes."""
+        return self.calm.shocks
+
+    @property
+    def steps(self) -> tuple[tuple[Step, ...], ...]:
+        """For each axis, sudden changes of its level."""
+        return self.calm.steps
 
     def _repr_html_(self) -> str:
         return self.fit._repr_html_()
@@ -122,9 +129,7 @@ def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identif
         spectrum=spectrum,
         kept_out=kept_out,
         low_passes=low_passes,
-        shocks=rest.shocks,
-        bridged=rest.bridged,
-        steps=rest.steps,
+        calm=rest,
         periodic=tuple(
             tuple(
                 sorted([*lines, *_no_lobes(found, spectrum, i, axis)], key=lambda p: -p.amplitude)
