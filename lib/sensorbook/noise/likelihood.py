@@ -103,8 +103,7 @@ class Likelihood:
                 slope /= np.sum(self.lines * self.ramp_square / weight)
             power = self.power - 2 * slope * self.ramp + slope**2 * self.ramp_square
             found = _weighted_nnls(a, power - offset, np.sqrt(self.lines) / weight)
-            step = 1.0 if model is None else None
-            x, model, deviance = self._advance(a, offset, power, x, found, model, step)
+            x, model, deviance = self._advance(a, offset, power, x, found, model)
             if previous - deviance < SETTLED * max(1.0, abs(deviance)):
                 break
             previous = deviance
@@ -115,10 +114,10 @@ class Likelihood:
         squares = {n: float(v) for n, v in (fixed | squares).items()}
         return squares, float(deviance), plus - minus
 
-    def _advance(self, a, offset, power, x, found, model, step):
-        """The step towards `found` that lowers the deviance: whole, or halved until it does."""
+    def _advance(self, a, offset, power, x, found, model):
+        """To `found` at first; then a step towards it, halved until it lowers the deviance."""
         least = 1e-6 * self.start  # where the terms vanish the likelihood would, too
-        if step:
+        if model is None:
             new = np.maximum(a @ found + offset, least)
             return found, new, self._deviance(power, new)
         before = self._deviance(power, model)
