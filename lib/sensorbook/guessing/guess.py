@@ -1,0 +1,315 @@
+"""From bare recordings to a declaration: every value guessed, with how sure that is and why.
+
+Files → tables → columns → triples → sensors → units, clock, kind → `[[recording]]` tables. What
+cannot be told is either left out and said, or declared to hold the place and marked "not known".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sensorbook.errors import InputError, Problem
+from sensorbook.guessing import scales
+from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOWN, Guess, weakest
+from sensorbook.guessing.clock import Clock, find_clock
+from sensorbook.guessing.columns import Column, read_columns, sort_columns
+from sensorbook.guessing.kinds import kind_of, quaternion_of
+from sensorbook.guessing.names import sensor_of
+from sensorbook.guessing.sensors import Triple, find_sensors
+from sensorbook.recordings.tables import Table, open_table, table_names
+
+FEWEST = 100  # samples of a recording
+
+_NAME_MEND = "name its columns in a header, such as t, gx, gy, gz, ax, ay, az, or write device.toml"
+
+
+@dataclass(frozen=True)
+class GuessedRecording:
+    """A `[[recording]]` table and how each of its values came about."""
+
+    table: dict
+    guesses: tuple[Guess, ...]
+
+
+@dataclass(frozen=True)
+class Guessed:
+    """What files hold: recordings, and sentences on what was left out."""
+
+    recordings: tuple[GuessedRecording, ...]
+    left_out: tuple[str, ...]
+    tables: dict[tuple[str, str | None], Table]
+
+
+@dataclass
+class _Opened:
+    """One table of one file and what its columns are."""
+
+    file: str
+    name: str | None
+    table: Table
+    clock: Clock
+    triples: list[Triple]
+    temperature: Column | None
+    quaternion: list[Column]
+    idle: list[Column]
+
+
+def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Guessed:
+    """Guesses what recordings hold.
+
+    Parameters
+    ----------
+    paths : the files, of one device
+    names : how the declaration names them; default, their own names
+
+    Raises
+    ------
+    InputError : a file cannot be read, or none of them holds a sensor that can be told
+    """
+    opened: list[_Opened] = []
+    problems: list[Problem] = []
+    for path, name in zip(paths, names or [p.name for p in paths], strict=True):
+        try:
+            tables = table_names(path, name)
+            for table in tables if len(tables) > 1 else (None,):
+                opened.append(_open(path, name, table))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(*problems)
+    recordings, left_out = [], []
+    swept = _sweep(opened)
+    for one in opened:
+        found, left = _recordings(one, swept)
+        recordings += found
+        left_out += left
+    recordings += _temperatures(opened, recordings)
+    if not recordings:
+        raise InputError(*(Problem(one.file, one.name or "", _why_none(one), _NAME_MEND)
+                           for one in opened))  # fmt: skip
+    return Guessed(
+        tuple(recordings), tuple(left_out), {(o.file, o.name): o.table for o in opened}
+    )
+
+
+def _open(path: Path, file: str, name: str | None) -> _Opened:
+    table = open_table(path, file, name)
+    roles = sort_columns(read_columns(table))
+    clock = find_clock(roles.time, roles.counter, table.notes)
+    if roles.temperature is not None and clock.column is not None:
+        clock = _by_temperature(clock, roles.temperature)
+    triples = [Triple.of(columns, clock) for columns in roles.triples]
+    triples = [t for t in triples if len(t.finite) >= FEWEST]
+    find_sensors(triples, sensor_of(name or "") or sensor_of(Path(file).stem))
+    clock = _by_rotation(clock, triples)
+    used = {clock.column} if clock.column else set()
+    spare = [c for c in (*roles.time, *roles.counter) if c not in used]
+    return _Opened(
+        file, name, table, clock, triples, roles.temperature, roles.quaternion, roles.idle + spare
+    )
+
+
+def _by_temperature(clock: Clock, temperature: Column) -> Clock:
+    """Rules out a unit of time in which the temperature would race."""
+    swing = _span(temperature.values)
+    if clock.certainty != LOW or swing < 2:
+        return clock
+    minutes = len(temperature.values) * clock.step / 60 / 1000  # if it were 1000 times as fast
+    if swing / minutes < 10:
+        return clock
+    reason = f"{clock.reason}, where the temperature would race by {swing / minutes:.0f} °C/min"
+    return Clock(clock.column, clock.unit, clock.step, MEDIUM, reason)
+
+
+def _by_rotation(clock: Clock, triples: Sequence[Triple]) -> Clock:
+    """The rate from a gyroscope of known unit and the field it turns, where no time tells it."""
+    for triple in triples:
+        if clock.step or triple.sensor != "gyroscope" or triple.rotation is None:
+            continue
+        unit = scales.gyroscope(triple.finite, triple.unit, triple.as_rate, None, None)
+        if unit.certainty not in (HIGH, MEDIUM):
+            continue
+        step = triple.rotation.scale / unit.si
+        percent = max(1.0, 100 * triple.rotation.error / triple.rotation.scale)
+        reason = (
+            f"{clock.reason}; where the gyroscope reads {unit.unit}, gravity turns as it does at "
+            f"{1 / step:.3g} Hz ± {percent:.0f} %"
+        )
+        return Clock(None, "", step, LOW, reason)
+    return clock
+
+
+def _recordings(one: _Opened, swept: float) -> tuple[list[GuessedRecording], list[str]]:
+    """The recordings of one table, and what of it is left out."""
+    where = one.file if one.name is None else f"{one.file}, {one.name}"
+    by_sensor: dict[str, list[Triple]] = {}
+    left = []
+    for triple in one.triples:
+        if triple.sensor:
+            by_sensor.setdefault(triple.sensor, []).append(triple)
+        else:
+            left.append(f"{where}: {triple.shown}: which sensor this is cannot be told: left out.")
+    chosen: dict[str, Triple] = {}
+    units = {}
+    for sensor, triples in by_sensor.items():
+        rated = [(t, _unit(t, one.clock)) for t in triples]
+        rated.sort(key=lambda pair: CERTAINTIES.index(pair[1].certainty))
+        chosen[sensor], units[sensor] = rated[0]
+        left += [
+            f"{where}: {t.shown}: another {sensor}: left out, as a device has one of each."
+            for t, _ in rated[1:]
+        ]
+    attitude = bool(one.quaternion)
+    made = []
+    for sensor in sorted(chosen, key=lambda s: chosen[s].columns[0].index):
+        triple = chosen[sensor]
+        kind = kind_of(sensor, chosen, one.temperature, swept, attitude)
+        made.append(_declare(one, triple, kind, units[sensor]))
+    if one.quaternion:
+        shown = ", ".join(c.shown for c in one.quaternion)
+        trajectory = any(m.table["kind"] == "trajectory" for m in made)
+        found = quaternion_of(one.quaternion, chosen.get("gyroscope")) if trajectory else None
+        if found:
+            made.append(_reference(one, found))
+        else:
+            left.append(f"{where}: {shown}: an attitude, but whether its scalar stands first and "
+                        "which way it turns cannot be told: left out.")  # fmt: skip
+    idle = [c.shown for c in one.idle]
+    if idle and made:
+        more = f" and {len(idle) - 12} more" if len(idle) > 12 else ""
+        left.append(f"{where}: not used: {', '.join(idle[:12])}{more}.")
+    return made, left
+
+
+def _unit(triple: Triple, clock: Clock) -> scales.Unit:
+    if triple.sensor == "gyroscope":
+        known = clock.step if clock.certainty in (HIGH, MEDIUM) or clock.column else None
+        return scales.gyroscope(
+            triple.finite, triple.unit, triple.as_rate, triple.rotation, known
+        )
+    find = scales.BY_SENSOR[triple.sensor]
+    return find(triple.finite, triple.unit, triple.as_field, triple.sphere)
+
+
+def _declare(one: _Opened, triple: Triple, kind: Guess, unit: scales.Unit) -> GuessedRecording:
+    columns = {axis: c.reference for axis, c in zip("xyz", triple.columns, strict=True)}
+    table: dict = {"sensor": triple.sensor, "kind": kind.value, "file": one.file}
+    guesses = [Guess("sensor", triple.sensor, triple.certainty, triple.reason), kind]
+    named = all(c.named.axis for c in triple.columns)
+    if one.name is not None:
+        table["table"] = one.name
+    guesses.append(Guess("columns", columns, HIGH if named else MEDIUM,
+                         "by their names" if named else "three side by side, in this order"))  # fmt: skip
+    if one.temperature is not None and kind.value in ("static", "thermal"):
+        columns["temperature"] = one.temperature.reference
+        guess, declared = _temperature_unit(one.temperature)
+        guesses.append(guess)
+        if declared != "degC":
+            table["temperature_unit"] = declared
+    table["unit"] = unit.unit
+    sure = weakest(unit.certainty, triple.certainty)  # a unit hangs on the sensor
+    guesses.append(Guess("unit", unit.unit, sure, unit.reason))
+    if unit.scale:
+        table["scale"] = dict(unit.scale)
+        if triple.offset:
+            table["scale"]["offset"] = triple.offset
+    clock = one.clock
+    if clock.column is not None:
+        columns["time"] = clock.column.reference
+        if clock.unit:
+            table["time_unit"] = clock.unit
+        guesses.append(Guess("time_unit", clock.unit or "dates", clock.certainty, clock.reason))
+    elif clock.step:
+        table["rate"] = clock.rate
+        guesses.append(Guess("rate", clock.rate, clock.certainty, clock.reason))
+    elif kind.value != "rotation":  # a free rotation needs none
+        table["rate"] = 1.0
+        guesses.append(Guess("rate", 1.0, UNKNOWN, clock.reason))
+    table["columns"] = {k: columns[k] for k in ("time", "x", "y", "z", "temperature") if k in columns}
+    return _marked(table, guesses)
+
+
+def _marked(table: dict, guesses: Sequence[Guess]) -> GuessedRecording:
+    doubtful = {g.key: g.certainty for g in guesses if g.certainty in (LOW, UNKNOWN)}
+    if doubtful:
+        table["guessed"] = doubtful
+    return GuessedRecording(table, tuple(guesses))
+
+
+def _reference(one: _Opened, found: tuple[dict, str, Guess]) -> GuessedRecording:
+    columns, sense, guess = found
+    table: dict = {"sensor": "reference", "kind": "trajectory", "file": one.file}
+    if one.name is not None:
+        table["table"] = one.name
+    if one.clock.column is not None:
+        columns = {"time": one.clock.column.reference, **columns}
+        if one.clock.unit:
+            table["time_unit"] = one.clock.unit
+    else:
+        table["rate"] = one.clock.rate or 1.0
+    table |= {"quaternion": sense, "columns": columns}
+    return _marked(table, [guess])
+
+
+# ---- temperature ----
+
+
+def _sweep(opened: Sequence[_Opened]) -> float:
+    """Largest swing of a temperature that has a table of its own, °C."""
+    alone = [o.temperature for o in opened if o.temperature is not None and not o.triples]
+    return max((_span(c.values) for c in alone), default=0.0)
+
+
+def _temperatures(opened: Sequence[_Opened], made: Sequence[GuessedRecording]):
+    """Temperature recordings in a time base of their own, for the rests they go with."""
+    kinds = {m.table["kind"] for m in made} & {"static", "thermal"}
+    out = []
+    for one in opened:
+        if one.temperature is None or one.triples or one.clock.column is None or len(kinds) != 1:
+            continue
+        guess, unit = _temperature_unit(one.temperature)
+        table = {"sensor": "temperature", "kind": next(iter(kinds)), "file": one.file}
+        if one.name is not None:
+            table["table"] = one.name
+        table["unit"] = unit
+        if one.clock.unit:
+            table["time_unit"] = one.clock.unit
+        table["columns"] = {
+            "time": one.clock.column.reference, "temperature": one.temperature.reference
+        }  # fmt: skip
+        sure = Guess("sensor", "temperature", MEDIUM, "it is named so, or drifts as one does")
+        out.append(_marked(table, [sure, guess]))
+    return out
+
+
+def _temperature_unit(column: Column) -> tuple[Guess, str]:
+    middle = float(np.nanmedian(column.values))
+    if unit := column.named.unit:
+        return Guess("temperature_unit", unit, HIGH, "its name gives the unit"), unit
+    unit = "K" if 200 < middle < 400 else "degC"
+    sure = MEDIUM if -40 < middle < 60 or unit == "K" else LOW
+    return Guess("temperature_unit", unit, sure, f"it reads {middle:.4g} in the median"), unit
+
+
+def _span(values: np.ndarray) -> float:
+    return float(np.nanquantile(values, 0.99) - np.nanquantile(values, 0.01))
+
+
+def _why_none(one: _Opened) -> str:
+    rows = len(one.table.column(0)) if one.table.names else 0
+    if rows < FEWEST:
+        return f"holds {rows} rows, too few for a recording"
+    if not one.triples:
+        return f"holds no three columns of a sensor ({len(one.table.names)} columns in all)"
+    return "holds readings of which neither names nor values tell the sensor"
+
+
+def device_id(text: str) -> str:
+    """An id made of a file's or folder's name."""
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-._")[:64].rstrip("-._")
+    return plain if plain and plain not in ("index.html", "book") else "device"
