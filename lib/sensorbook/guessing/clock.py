@@ -95,11 +95,11 @@ def _of_column(column: Column) -> Clock | None:
         possible = ["s"]  # fractions are for seconds
     unit = possible[0]
     rate = 1 / (step * factor(unit, "s"))
-    others = "".join(
-        f", {1 / (step * factor(u, 's')):.4g} Hz if it were {u}" for u in possible[1:]
-    )
+    others = "".join(f", {1 / (step * factor(u, 's')):.4g} Hz if it were {u}" for u in possible[1:])
     sure = LOW if others else (HIGH if column.named.role == "time" else MEDIUM)
-    return Clock(column, unit, step * factor(unit, "s"), sure, f"{seen}: {rate:.5g} Hz in {unit}{others}")
+    return Clock(
+        column, unit, step * factor(unit, "s"), sure, f"{seen}: {rate:.5g} Hz in {unit}{others}"
+    )
 
 
 def _of_coarse(column: Column, values: np.ndarray) -> Clock | None:

@@ -92,9 +92,7 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
     if not recordings:
         raise InputError(*(Problem(one.file, one.name or "", _why_none(one), _NAME_MEND)
                            for one in opened))  # fmt: skip
-    return Guessed(
-        tuple(recordings), tuple(left_out), {(o.file, o.name): o.table for o in opened}
-    )
+    return Guessed(tuple(recordings), tuple(left_out), {(o.file, o.name): o.table for o in opened})
 
 
 def _open(path: Path, file: str, name: str | None) -> _Opened:
@@ -189,9 +187,7 @@ def _recordings(one: _Opened, swept: float) -> tuple[list[GuessedRecording], lis
 def _unit(triple: Triple, clock: Clock) -> scales.Unit:
     if triple.sensor == "gyroscope":
         known = clock.step if clock.certainty in (HIGH, MEDIUM) or clock.column else None
-        return scales.gyroscope(
-            triple.finite, triple.unit, triple.as_rate, triple.rotation, known
-        )
+        return scales.gyroscope(triple.finite, triple.unit, triple.as_rate, triple.rotation, known)
     find = scales.BY_SENSOR[triple.sensor]
     return find(triple.finite, triple.unit, triple.as_field, triple.sphere)
 
@@ -230,7 +226,9 @@ def _declare(one: _Opened, triple: Triple, kind: Guess, unit: scales.Unit) -> Gu
     elif kind.value != "rotation":  # a free rotation needs none
         table["rate"] = 1.0
         guesses.append(Guess("rate", 1.0, UNKNOWN, clock.reason))
-    table["columns"] = {k: columns[k] for k in ("time", "x", "y", "z", "temperature") if k in columns}
+    table["columns"] = {
+        k: columns[k] for k in ("time", "x", "y", "z", "temperature") if k in columns
+    }
     return _marked(table, guesses)
 
 

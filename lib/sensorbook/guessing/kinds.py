@@ -42,7 +42,12 @@ def kind_of(
             values = temperature.values
             swept = float(np.nanquantile(values, 0.99) - np.nanquantile(values, 0.01))
         if swept >= SWEEP:
-            return Guess("kind", "thermal", MEDIUM, f"{told}, and the temperature runs through {swept:.1f} °C")
+            return Guess(
+                "kind",
+                "thermal",
+                MEDIUM,
+                f"{told}, and the temperature runs through {swept:.1f} °C",
+            )
         return Guess("kind", "static", HIGH if np.isfinite(motion.turn) else MEDIUM, told)
     if attitude:
         return Guess("kind", "trajectory", HIGH, "it moves, and an attitude stands beside it")

@@ -73,9 +73,7 @@ class Motion:
     @property
     def positions(self) -> bool:
         """Rests in several attitudes, and motion between them."""
-        return (
-            not self.still and self.attitudes >= FEWEST_RESTS and self.rest_share >= REST_SHARE
-        )
+        return not self.still and self.attitudes >= FEWEST_RESTS and self.rest_share >= REST_SHARE
 
 
 def of_field(values: np.ndarray, quiet: np.ndarray | None = None) -> Motion:

@@ -26,19 +26,14 @@ _SENSORS = {word: sensor for sensor, words in _SENSOR_WORDS.items() for word in 
 _LETTERS = {"a": "accelerometer", "g": "gyroscope", "w": "gyroscope", "m": "magnetometer",
             "b": "magnetometer"}  # fmt: skip
 _TIME = set(
-    "t ts time times timestamp timestamps stamp sec secs second seconds ms millis msec us usec ns nsec "
-    "nanoseconds microseconds milliseconds epoch date datetime elapsed clock tow unixtime utc".split()
+    ["t", "ts", "time", "times", "timestamp", "timestamps", "stamp", "sec", "secs", "second", "seconds", "ms", "millis", "msec", "us", "usec", "ns", "nsec", "nanoseconds", "microseconds", "milliseconds", "epoch", "date", "datetime", "elapsed", "clock", "tow", "unixtime", "utc"]
 )
-_TEMPERATURE = set("temp temps temperature temperatures tmp degc celsius thermistor".split())
-_COUNTER = set("n nr no index idx count counter sample samples packet packetcounter seq sequence row "
-               "id frame nsamples samplenumber".split())  # fmt: skip
-_QUATERNION = set("q quat quaternion orientation attitude rotationvector".split())
+_TEMPERATURE = set(["temp", "temps", "temperature", "temperatures", "tmp", "degc", "celsius", "thermistor"])
+_COUNTER = set(["n", "nr", "no", "index", "idx", "count", "counter", "sample", "samples", "packet", "packetcounter", "seq", "sequence", "row", "id", "frame", "nsamples", "samplenumber"])  # fmt: skip
+_QUATERNION = set(["q", "quat", "quaternion", "orientation", "attitude", "rotationvector"])
 # Derived quantities and other instruments, which share words or axes with what is looked for.
 _OTHER = set(
-    "roll pitch yaw heading euler vel velocity pos position lat latitude lon longitude alt altitude "
-    "height pressure baro speed gps gnss humidity light lux battery volt voltage current cov "
-    "covariance std sigma variance label activity movement user gravity offset bias raw_adc status "
-    "accuracy ref reference tau dev adev".split()
+    ["roll", "pitch", "yaw", "heading", "euler", "vel", "velocity", "pos", "position", "lat", "latitude", "lon", "longitude", "alt", "altitude", "height", "pressure", "baro", "speed", "gps", "gnss", "humidity", "light", "lux", "battery", "volt", "voltage", "current", "cov", "covariance", "std", "sigma", "variance", "label", "activity", "movement", "user", "gravity", "offset", "bias", "raw_adc", "status", "accuracy", "ref", "reference", "tau", "dev", "adev"]
 )
 _AXES = {"x": "x", "y": "y", "z": "z"}
 _NUMBERED = {"0": "x", "1": "y", "2": "z"}

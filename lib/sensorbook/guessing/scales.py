@@ -93,11 +93,15 @@ def magnetometer(values: np.ndarray, declared: str, motion: Motion, sphere: Sphe
     measured = f"the field reads {length:.4g} {where}"
     if declared and declared != "counts":
         if fits(declared, _NEAR_IRON):
-            return Unit(declared, HIGH, f"the file says so, and {measured}; the Earth's is 22 to 67 µT")
+            return Unit(
+                declared, HIGH, f"the file says so, and {measured}; the Earth's is 22 to 67 µT"
+            )
         if other := next((u for u in _UNITS["magnetometer"] if fits(u)), None):
             return Unit(other, MEDIUM, f"the file says {declared}, but {measured}: as the Earth's "
                                        f"does in {other}")  # fmt: skip
-        return Unit(declared, LOW, f"the file says so, but {measured}, and the Earth's is 22 to 67 µT")
+        return Unit(
+            declared, LOW, f"the file says so, but {measured}, and the Earth's is 22 to 67 µT"
+        )
     if declared == "counts" or (_whole(values) and length > 20):
         return Unit("counts", UNKNOWN, f"whole numbers, and {measured}: the value of a count is "
                     "on the datasheet", {"factor": 1e-7, "unit": "T"})  # fmt: skip
@@ -186,7 +190,10 @@ def _by_step(values: np.ndarray) -> tuple[str, str] | None:
             # Converters are read twice as finely (averages of two) in some loggers.
             for part in (1, 2):
                 if abs(in_degrees * part / known - 1) < 5e-4:
-                    return unit, f"its step of {found:.6g} is {known:.6g} deg/s of a common converter"
+                    return (
+                        unit,
+                        f"its step of {found:.6g} is {known:.6g} deg/s of a common converter",
+                    )
     return None
 
 

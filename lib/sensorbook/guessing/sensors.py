@@ -123,7 +123,7 @@ def _by_name(triple: Triple, told: str) -> None:
 
 
 def _gravity(triple: Triple) -> str:
-    """Words for a triple that reads 1 g, in m/s² or g, in several attitudes or long at rest; else "". """
+    """Words for a triple that reads 1 g, in m/s² or g, in several attitudes or long at rest; else ""."""
     length, where = scales._field_length(triple.finite, triple.as_field, triple.sphere)
     tight = triple.sphere.convincing or triple.as_field.still
     near = any(abs(length / one - 1) < 0.03 for one in (scales.GRAVITY, 1.0))
