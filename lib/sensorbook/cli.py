@@ -84,6 +84,18 @@ def _check(arguments: argparse.Namespace) -> int:
     return int(failed)
 
 
+def _new(arguments: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    from sensorbook.guessing import new_device, told
+
+    guessed = new_device(Path(arguments.folder), [Path(file) for file in arguments.files])
+    for line in told(guessed):
+        print(line)
+    print(f"{arguments.folder}/device.toml: written; read it, then: sensorbook report {arguments.folder}")
+    return 0
+
+
 def _simulate(arguments: argparse.Namespace) -> int:
     from sensorbook.simulate import PRESETS, simulate
 
@@ -148,7 +160,7 @@ def _parser() -> argparse.ArgumentParser:
         "render every report of device folders",
         "sensorbook report data/imu-7 data/imu-8 --out reports",
     )
-    report.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml")
+    report.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording")
     report.add_argument("--out", default="reports", metavar="DIR", help="default: reports")
     report.add_argument(
         "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
@@ -164,7 +176,17 @@ def _parser() -> argparse.ArgumentParser:
         "check device folders without computing: every problem, and how to mend it",
         "sensorbook check data/imu-7",
     )
-    check.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml")
+    check.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording")
+
+    new = command(
+        "new",
+        _new,
+        "write a commented device.toml from recordings, every guess with its reason",
+        "sensorbook new data/imu-7 --from log.csv",
+    )
+    new.add_argument("folder", metavar="DIR", help="device folder to write")
+    new.add_argument("--from", dest="files", nargs="+", required=True, metavar="FILE",
+                     help="recordings of one device; copied into DIR where they lie elsewhere")  # fmt: skip
 
     simulate = command(
         "simulate",

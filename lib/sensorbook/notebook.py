@@ -74,7 +74,23 @@ def load(folder: str, sensor: str, kind: str) -> tuple[sensorbook.Device, tuple]
     table = html_table(rows, header=("Recording", "Duration", "Rate", "Samples"))
     plain = "\n".join(", ".join(row) for row in rows)
     _publish({"text/html": table + "".join(map(_warning_html, found)), "text/plain": plain}, about)
+    _refuse_unknown(runs)
     return device, runs
+
+
+def _refuse_unknown(runs: Iterable[sensorbook.Recording]) -> None:
+    """Raises `Refusal` where a declaration says that it does not know what every result hangs on."""
+    for run in runs:
+        guessed = run.declaration.get("guessed", {})
+        unknown = [key.replace("_", " ") for key, sure in guessed.items() if sure == "not known"]
+        if unknown:
+            what = " and ".join(unknown)
+            raise sensorbook.Refusal(
+                f"{run.file}: the {what} of the {run.sensor} cannot be told from the file, and every "
+                "result hangs on it.",
+                f"Write a device.toml (sensorbook new DIR --from {Path(run.file).name}), give the "
+                f"{what} there, and delete it from its `guessed`.",
+            )
 
 
 def load_rests(folder: str, sensor: str, thermal_record: str) -> tuple[sensorbook.Device, tuple]:

@@ -12,8 +12,8 @@ from sensorbook.recordings.checks import shown
 from sensorbook.recordings.clock import measured_rate
 from sensorbook.recordings.even import MINIMUM_SAMPLES
 from sensorbook.recordings.findings import examine
-from sensorbook.recordings.recording import Recording, Segment
-from sensorbook.recordings.schema import Declared
+from sensorbook.recordings.recording import Finding, Recording, Segment
+from sensorbook.recordings.schema import FILE, Declared
 from sensorbook.recordings.tables import Table
 from sensorbook.units import SENSOR_UNITS, factor, to_si
 
@@ -100,9 +100,23 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
         segments=segments,
     )
     findings = examine(recording, raw, [columns[axis] for axis in named])
+    findings = (*_guesses(recording), *findings)
     if temperature is not None and declared.kind != "thermal" and np.isnan(temperature).all():
         temperature = None  # said among the findings; a thermal recording is refused for it
     return replace(recording, findings=findings, temperature=temperature)
+
+
+def _guesses(recording: Recording) -> tuple[Finding, ...]:
+    """What the declaration itself says is a guess."""
+    said = {
+        "low": "its {key} is a guess of low certainty",
+        "not known": "its {key} is not known, and no result follows without it",
+    }
+    return tuple(
+        Finding(recording.file, recording.sensor, "guessed",
+                f"{said[sure].format(key=key.replace('_', ' '))}: give it in {FILE}, and delete it from `guessed`")
+        for key, sure in recording.declaration.get("guessed", {}).items()
+    )  # fmt: skip
 
 
 def numbers(table: Table, reference: str | int) -> np.ndarray:

@@ -7,6 +7,7 @@ import json
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,11 +21,14 @@ from sensorbook.recordings.schema import FILE, Declared, check_declaration
 from sensorbook.recordings.tables import Table, open_table
 from sensorbook.units import SENSOR_UNITS
 
+if TYPE_CHECKING:
+    from sensorbook.guessing import Guessed
+
 _LARGEST_DECLARATION = 1 << 20
 
 
 def load(path: str | Path) -> Device:
-    """The device in a folder (or of a `device.toml`).
+    """The device in a folder (or of a `device.toml`), or what a bare recording file is guessed to hold.
 
     Raises `InputError` with every problem of the device as a whole. What is wrong with one recording
     is raised when that recording is read, so that the others remain usable; `check` gathers all.
@@ -36,7 +40,7 @@ def load(path: str | Path) -> Device:
 
 
 def check(path: str | Path) -> tuple[list[Problem], list[Finding]]:
-    """Every problem and every finding of a device folder: reads everything, computes nothing."""
+    """Every problem and every finding of a device folder or bare recording; computes no result."""
     device, problems = _open(Path(path))
     if device is None:
         return problems, []
@@ -45,6 +49,8 @@ def check(path: str | Path) -> tuple[list[Problem], list[Finding]]:
 
 
 def _open(path: Path) -> tuple[Device | None, list[Problem]]:
+    if path.is_file() and path.name != FILE:
+        return _of_file(path)
     folder = path.parent if path.name == FILE else path
     source = folder / FILE
 
@@ -69,6 +75,23 @@ def _open(path: Path) -> tuple[Device | None, list[Problem]]:
     return from_declaration(folder, table)
 
 
+def _of_file(path: Path) -> tuple[Device | None, list[Problem]]:
+    """The device that a bare recording file is guessed to hold."""
+    from sensorbook.guessing import device_id, guess_files
+
+    try:
+        guessed = guess_files([path])
+    except InputError as error:
+        return None, list(error.problems)
+    name = device_id(path.name.split(".")[0])
+    table = {"schema": 1, "id": name, "name": path.name}
+    table["recording"] = [recording.table for recording in guessed.recordings]
+    device, problems = from_declaration(path.parent, table)
+    device.path, device.guessed, device.truth = path, guessed, None
+    device.take_tables(guessed.tables)
+    return device, problems
+
+
 def from_declaration(folder: str | Path, table: dict) -> tuple[Device, list[Problem]]:
     """A device from a declaration that stands in no file, and the problems of it as a whole."""
     problems, declared = check_declaration(table)
@@ -86,12 +109,13 @@ class Device:
 
     Attributes
     ----------
-    path : the folder
+    path : the folder, or the bare recording file
     id, name : as declared; `name` is free text, to be escaped where it is shown
     model, serial : text, or None
     site, spec : the tables of device.toml, {} where absent
     declared : one `Declared` per recording, in order
     truth : what truth.json beside device.toml holds, or None
+    guessed : what was guessed where the device is a bare recording file, else None
 
     `device.gyroscope.static` is the longest static run, `device.runs("gyroscope", "static")` all.
     """
@@ -107,6 +131,9 @@ class Device:
         self.spec: dict = table.get("spec", {})
         self.declared = tuple(declared)
         self.truth = truth
+        self.guessed: Guessed | None = None
+        self._folder = path
+        self._tables: dict[tuple[str, str | None], Table] = {}
         # As read from the files, and completed with what recordings take from one another.
         self._files: dict[int, Recording | Images | InputError] = {}
         self._read: dict[int, Recording | Images | InputError] = {}
@@ -176,6 +203,10 @@ class Device:
 
     # ---- reading ----
 
+    def take_tables(self, tables: dict[tuple[str, str | None], Table]) -> None:
+        """Tables that are open already, by file and table name: they are not read again."""
+        self._tables = dict(tables)
+
     def _get(self, declared: Declared) -> Recording | Images | InputError:
         if declared.number not in self._read:
             if declared.number not in self._files:
@@ -188,7 +219,7 @@ class Device:
         if declared.problems:
             return {declared.number: InputError(*declared.problems, *self._in_its_file(declared))}
         if declared.sensor == "camera":
-            return {declared.number: _attempt(read_images, declared, self.path)}
+            return {declared.number: _attempt(read_images, declared, self._folder)}
 
         def source(d: Declared) -> tuple:
             return d.sensor == "camera", d.file, d.table.get("table")
@@ -216,15 +247,18 @@ class Device:
         return read.problems if isinstance(read, InputError) else ()
 
     def _open_table(self, declared: Declared, wanted) -> Table:
-        path = resolve(self.path, declared.file, f"{declared.label}: file")
-        table = open_table(path, declared.file, declared.table.get("table"), wanted)
+        name = declared.table.get("table")
+        table = self._tables.get((declared.file, name))
+        if table is None:
+            path = resolve(self._folder, declared.file, f"{declared.label}: file")
+            table = open_table(path, declared.file, name, wanted)
         table.parse(wanted)
         return table
 
     def _recording(self, declared: Declared, table: Table) -> Recording:
         labels = None
         if name := declared.table.get("segments"):
-            labels = open_table(resolve(self.path, name, f"{declared.label}: segments"), name)
+            labels = open_table(resolve(self._folder, name, f"{declared.label}: segments"), name)
         return read_recording(declared, table, labels)
 
     def _completed(self, declared: Declared) -> Recording | Images:

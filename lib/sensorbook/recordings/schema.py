@@ -106,6 +106,7 @@ _RECORDING: Checks = {
     "table": checks.text,
     "segments": checks.file_name,
     "quaternion": checks.one_of("body_to_reference", "reference_to_body"),
+    "guessed": checks.guessed,
     "camera": checks.table,
     "poses": checks.file_name,
 }
