@@ -115,11 +115,12 @@ BAD = [
     (text().encode() + b"1,2,3,4,5,6\n", "log.csv: line 32: holds 6 cells, the table has 4 columns"),
     (text().encode() + b"t,gx,gy,gz\n", "log.csv: column 't', row 31: 't' is not a number"),
     (b"\x1f\x8b" + b"not gzip", "log.csv: is a damaged gzip file"),
-    (gzip.compress(text().encode())[:-20], "log.csv: is a damaged gzip file"),
-    (b"PAR1....", "log.csv: is a Parquet file: format not supported yet — save its columns as .csv"),
-    (b"SQLite format 3\0...", "log.csv: is a SQLite file: format not supported yet"),
-    (b"MATLAB 5.0 MAT-file, ...", "log.csv: is a MATLAB v5 file: format not supported yet"),
-    (b"MATLAB 7.3 MAT-file, ...", "log.csv: is a MATLAB v7.3 file: format not supported yet"),
+    (gzip.compress(text().encode())[:-20], "log.csv: is a gzip file that is cut off — copy it again"),
+    (b"\x89MCAP0\r\n", "log.csv: is a MCAP file: format not supported yet — save its columns as .csv"),
+    (b"\xff\xd8\xff\xe0....", "log.csv: is a JPEG image, not a table — name a file that holds"),
+    (text()[:-9].encode(), "log.csv: line 31: is cut off: its last line breaks off — copy it again"),
+    (text(ROWS[:20]).encode() + b"3.0,1.5,-9.0,1.2e", "log.csv: line 22: is cut off"),
+    (text().encode().replace(b"\n0.25,", b"\n0.25,\0\0\0", 1), "log.csv: line 4: holds NUL bytes, as"),
     (b"PK\x03\x04 rubbish", "log.csv: is a damaged .npz archive"),
 ]  # fmt: skip
 

@@ -140,7 +140,10 @@ def guessed(value: object) -> Fault | None:
     """Which values of a recording are guesses: reports warn of low ones and refuse unknown ones."""
     if isinstance(value, dict) and all(sure in ("low", "not known") for sure in value.values()):
         return None
-    return f"{shown(value)} does not say how sure a guess is", 'write { unit = "low" } or "not known"'
+    return (
+        f"{shown(value)} does not say how sure a guess is",
+        'write { unit = "low" } or "not known"',
+    )
 
 
 def time_unit(value: object) -> Fault | None:

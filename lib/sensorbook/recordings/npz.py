@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -10,13 +9,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.tables import MAX_BYTES, Table, too_large
+from sensorbook.recordings.tables import MAX_BYTES, Source, Table, too_large
 
 
-def open_npz(data: bytes, file: str, table: str | None, wanted: Sequence[str | int]) -> Table:
+def table_names(source: Source) -> tuple[str, ...]:
+    """None: all arrays of an archive are one table."""
+    return ()
+
+
+def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
     """Opens an archive; `table` names the one array whose columns are then addressed by index."""
+    file = source.file
     try:
-        archive = zipfile.ZipFile(io.BytesIO(data))
+        archive = zipfile.ZipFile(source.path)
+        if "[Content_Types].xml" in archive.namelist():
+            raise source.wrong("is an Excel file: format not supported yet", "save it as .csv")
         shapes = {
             entry.filename.removesuffix(".npy"): _header(archive, entry)
             for entry in archive.infolist()

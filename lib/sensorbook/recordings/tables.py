@@ -1,19 +1,23 @@
 """Tables in files: one interface, one reader a format, chosen by content.
 
 `open_table` gives a `Table`: its column names, and `column(reference)` for the values of one column
-as they stand in the file, by name or 0-based index. Adding a format is one reader and one row of
-`READERS`.
+as they stand in the file, by name or 0-based index. A reader is a module with the functions
+`open_table(source, table, wanted) -> Table` and `table_names(source)`, and one row of `READERS`; no
+file is read whole.
 """
 
 from __future__ import annotations
 
 import gzip
 import hashlib
-import io
-from collections.abc import Callable, Sequence
+import importlib
+import zlib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
+from types import ModuleType
+from typing import BinaryIO
 
 import numpy as np
 
@@ -22,17 +26,76 @@ from sensorbook.errors import InputError, Problem
 # Declared sizes are not trusted: a few kB can claim or inflate to more than any memory holds.
 MAX_BYTES = 4 << 30
 
+HEAD_BYTES = 1 << 16
+
+# first bytes of the content: the module that reads it; text is what remains
+READERS = {
+    b"PK\x03\x04": "npz",
+    b"PAR1": "arrow",
+    b"ARROW1": "arrow",
+    b"\x89HDF\r\n\x1a\n": "hdf5",
+    b"MATLAB 7.3 MAT-file": "hdf5",
+    b"MATLAB 5.0 MAT-file": "matlab",
+    b"CDF\x01": "netcdf",
+    b"CDF\x02": "netcdf",
+    b"CDF\x05": "netcdf",
+    b"SQLite format 3\0": "sqlite",
+    b"": "text",
+}
 NOT_YET = {
-    b"PAR1": "Parquet",
-    b"SQLite format 3\0": "SQLite",
-    b"\x89HDF\r\n\x1a\n": "HDF5 or MATLAB v7.3",
-    b"MATLAB 7.3 MAT-file": "MATLAB v7.3",
-    b"MATLAB 5.0 MAT-file": "MATLAB v5",
+    b"FEA1": "Feather v1",
     b"ULog\x01\x12\x35": "PX4 ULog",
     b"#ROSBAG": "ROS bag",
     b"\x89MCAP": "MCAP",
     b"\xd0\xcf\x11\xe0": "Excel",
 }
+NO_TABLE = {
+    b"\xff\xd8\xff": "a JPEG image",
+    b"\x89PNG": "a PNG image",
+    b"GIF8": "a GIF image",
+    b"%PDF": "a PDF document",
+}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file to read a table from: nothing of it is held but its beginning.
+
+    Attributes
+    ----------
+    path : the file
+    file : its name for messages
+    head : its first 64 KiB, inflated where it is compressed
+    gzip : True where it is compressed: `open` inflates, other readers refuse it
+    """
+
+    path: Path
+    file: str
+    head: bytes
+    gzip: bool
+
+    def open(self) -> BinaryIO:
+        """The content, inflated, from its beginning."""
+        return gzip.open(self.path) if self.gzip else self.path.open("rb")
+
+    def chunks(self, size: int = 1 << 20) -> Iterator[bytes]:
+        """The content in pieces; raises `InputError` where it cannot be inflated or is too large."""
+        total = 0
+        with self.open() as stream:
+            while chunk := _inflated(stream.read, size, self.file):
+                total += len(chunk)
+                if self.gzip and total > MAX_BYTES:
+                    raise too_large(self.file)
+                yield chunk
+
+    def wrong(self, message: str, mend: str, where: str = "") -> InputError:
+        """What to raise where the file cannot serve."""
+        return InputError(Problem(self.file, where, message, mend))
+
+    def sha256(self) -> str:
+        """Of the file's bytes as they are."""
+        with self.path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @dataclass
@@ -45,12 +108,16 @@ class Table:
     names : one name a column, in the file's order; "" where the file gives none
     read : parses the columns of these 0-based indices
     sha256 : of the file's bytes
+    units : units that the file itself declares, one a column, "" where it does not; () for none
+    notes : lines before a text file's table
     """
 
     file: str
     names: tuple[str, ...]
     read: Callable[[Sequence[int]], dict[int, np.ndarray]]
     sha256: str = ""
+    units: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     _parsed: dict[int, np.ndarray] = field(default_factory=dict)
 
     def index(self, reference: str | int) -> int:
@@ -104,42 +171,64 @@ def open_table(
     table : which table, variable or array of the file, where it holds several
     wanted : names of columns expected, which help to tell the header from a line of units
     """
-    file = file or path.name
+    source, reader = _source(path, file or path.name)
+    opened = reader.open_table(source, table, wanted)
+    opened.sha256 = source.sha256()
+    return opened
+
+
+def table_names(path: Path, file: str = "") -> tuple[str, ...]:
+    """What `table` may be for this file; () where it is a single table."""
+    source, reader = _source(path, file or path.name)
+    return reader.table_names(source)
+
+
+def _source(path: Path, file: str) -> tuple[Source, ModuleType]:
+    """The file and the module that reads its format."""
     try:
-        data = path.read_bytes()
+        with path.open("rb") as stream:
+            head = stream.read(HEAD_BYTES)
+        compressed = head[:2] == b"\x1f\x8b"
+        if compressed:
+            with gzip.open(path) as stream:
+                head = _inflated(stream.read, HEAD_BYTES, file)
     except OSError as error:
         raise InputError(
             Problem(file, "", f"cannot be read: {error.strerror}", "check the file and its rights")
         ) from None
-    sha256 = hashlib.sha256(data).hexdigest()
-    if data[:2] == b"\x1f\x8b":
-        data = _inflate(data, file)
-    if not data.strip(b" \t\r\n\0"):
-        raise InputError(Problem(file, "", "is empty", "name a file that holds the recording"))
+    source = Source(path, file, head, compressed)
+    if not head.strip(b" \t\r\n\0"):
+        if any(chunk.strip(b" \t\r\n\0") for chunk in source.chunks()):
+            raise source.wrong("begins with 64 KiB of nothing", "copy it again, or cut it off")
+        raise source.wrong("is empty", "name a file that holds the recording")
     for magic, name in NOT_YET.items():
-        if data.startswith(magic):
-            raise InputError(
-                Problem(file, "", f"is a {name} file: format not supported yet",
-                        "save its columns as .csv or .npz")
-            )  # fmt: skip
-    opened = next(reader for magic, reader in READERS.items() if data.startswith(magic))(
-        data, file, table, wanted
-    )
-    opened.sha256 = sha256
-    return opened
+        if head.startswith(magic):
+            raise source.wrong(
+                f"is a {name} file: format not supported yet", "save its columns as .csv or .npz"
+            )
+    for magic, name in NO_TABLE.items():
+        if head.startswith(magic):
+            raise source.wrong(f"is {name}, not a table", "name a file that holds the recording")
+    module = next(module for magic, module in READERS.items() if head.startswith(magic))
+    if compressed and module != "text":
+        raise source.wrong("is a compressed binary file", "inflate it first: gunzip")
+    return source, importlib.import_module(f"sensorbook.recordings.{module}")
 
 
-def _inflate(data: bytes, file: str) -> bytes:
+def _inflated(read: Callable[[int], bytes], size: int, file: str) -> bytes:
     try:
-        with gzip.open(io.BytesIO(data)) as stream:
-            inflated = stream.read(MAX_BYTES + 1)
-    except (OSError, EOFError, gzip.zlib.error):
+        return read(size)
+    except EOFError:
+        raise InputError(
+            Problem(file, "", "is a gzip file that is cut off", "copy it again")
+        ) from None
+    except (OSError, zlib.error) as error:
+        if isinstance(error, OSError) and error.errno:
+            mend = "check the file and its rights"
+            raise InputError(Problem(file, "", f"cannot be read: {error.strerror}", mend)) from None
         raise InputError(
             Problem(file, "", "is a damaged gzip file", "compress or copy it again")
         ) from None
-    if len(inflated) > MAX_BYTES:
-        raise too_large(file)
-    return inflated
 
 
 def too_large(file: str, where: str = "") -> InputError:
@@ -151,22 +240,22 @@ def too_large(file: str, where: str = "") -> InputError:
     )
 
 
+def choose(source: Source, table: str | None, there: Sequence[str], what: str) -> str:
+    """Which of a file's tables is meant: the one named, or the only one.
+
+    `what` names them in messages, such as "variable".
+    """
+    listed = f"{what}s: {_listed(there)}" if there else f"it holds no {what} of samples"
+    if table is None and len(there) == 1:
+        return there[0]
+    if table is None:
+        raise source.wrong(f"holds {len(there) or 'no'} {what}s of samples",
+                           f'say which with table = "…"; {listed}' if there else "name another file")  # fmt: skip
+    if table not in there:
+        raise source.wrong(f"there is no such {what}", listed, f"table {table!r}")
+    return table
+
+
 def _listed(names: Sequence[str]) -> str:
     shown = ", ".join(repr(name[:40]) for name in names[:12])
     return shown + (f" and {len(names) - 12} more" if len(names) > 12 else "")
-
-
-def _read_npz(*arguments) -> Table:
-    from sensorbook.recordings.npz import open_npz
-
-    return open_npz(*arguments)
-
-
-def _read_text(*arguments) -> Table:
-    from sensorbook.recordings.text import open_text
-
-    return open_text(*arguments)
-
-
-# first bytes of the content: reader(data, file, table, wanted); text is what remains
-READERS = {b"PK\x03\x04": _read_npz, b"": _read_text}

@@ -6,17 +6,18 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import BinaryIO
 
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.tables import Table
+from sensorbook.recordings.tables import HEAD_BYTES, Source, Table
 from sensorbook.units import UnitError, factor
 
 DELIMITERS = (",", ";", "\t", "|", r"\s+")
-_HEAD_BYTES = 1 << 16
+_ROWS = 1 << 19  # rows parsed at one go
 _PREAMBLE = 20
 _COMMENT = ("#", "%")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
@@ -27,64 +28,152 @@ _MISSING = {"", "na", "n/a", "null", "none", "-", "nan"}
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text file is laid out: delimiter, decimal sign, lines before the data, names."""
+    """How a text file is laid out: delimiter, decimal sign, lines before the data, names, units.
+
+    `edges` are the first and last character (exclusive) of each column where widths are fixed.
+    """
 
     delimiter: str
     decimal: str
     skip: int
     names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    edges: tuple[tuple[int, int], ...] = ()
 
 
-def open_text(data: bytes, file: str, table: str | None, wanted: Sequence[str | int]) -> Table:
-    """Opens delimited text; `wanted` helps to find the header."""
+def table_names(source: Source) -> tuple[str, ...]:
+    """None: a text is one table."""
+    return ()
+
+
+def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
+    """Opens delimited or fixed-width text; `wanted` helps to find the header."""
+    file = source.file
     if table is not None:
-        mend = "leave `table` out, or name the file that holds it"
-        raise InputError(
-            Problem(file, f"table {table!r}", "is text and holds one table only", mend)
-        )
-    data, encoding = _decoded(data, file)
-    head = data[:_HEAD_BYTES].decode(encoding, errors="replace")
-    lines = head.splitlines()
-    if len(data) > _HEAD_BYTES:
-        lines = lines[:-1]  # may be cut
+        raise source.wrong("is text and holds one table only",
+                           "leave `table` out, or name the file that holds it", f"table {table!r}")  # fmt: skip
+    text = _Text.of(source)
+    lines = text.head.splitlines()
+    if text.is_cut:
+        lines = lines[:-1]
     layout = find_layout(lines, [w for w in wanted if isinstance(w, str)])
     if layout is None:
-        raise InputError(
-            Problem(file, "", "holds no rows of numbers", "write one sample a line, cells separated "
-                    "by comma, semicolon, tab or blank")
-        )  # fmt: skip
+        raise source.wrong("holds no rows of numbers", "write one sample a line, cells separated "
+                           "by comma, semicolon, tab or blank")  # fmt: skip
+    text.examine(layout)
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
-        return _parse(data, encoding, layout, indices, file)
+        return _parse(text, layout, indices, file)
 
-    return Table(file, layout.names, read)
+    notes = tuple(line for line in lines[: min(layout.skip, _PREAMBLE)] if line.strip())
+    return Table(file, layout.names, read, units=layout.units, notes=notes)
 
 
-def _decoded(data: bytes, file: str) -> tuple[bytes, str]:
-    """The text as bytes of an encoding that pandas' parser takes, and that encoding."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+class _Text:
+    """The text of a file, in an encoding that pandas' parser takes, and what one pass over it showed.
+
+    Attributes
+    ----------
+    head : its beginning; `is_cut` where that ends within the text
+    encoding : of the bytes that `open` gives
+    has_comments : a comment sign stands somewhere
+    delimiters : number of delimiters after the lines before the data
+    """
+
+    def __init__(self, source: Source, data: bytes | None, encoding: str, head: str, is_cut: bool):
+        self.source, self.encoding, self.head, self.is_cut = source, encoding, head, is_cut
+        self._data = data  # where it had to be decoded as a whole
+        self.comment: str | None = None
+        self.delimiters = 0
+
+    @classmethod
+    def of(cls, source: Source) -> _Text:
+        if source.head.startswith((b"\xff\xfe", b"\xfe\xff")):
+            try:
+                data = b"".join(source.chunks()).decode("utf-16").encode()
+            except UnicodeDecodeError:
+                raise _binary(source) from None
+            return cls(source, data, "utf-8", data[:HEAD_BYTES].decode(errors="replace"),
+                       len(data) > HEAD_BYTES)  # fmt: skip
+        head = source.head.removeprefix(b"\xef\xbb\xbf")
+        if re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", head):
+            if re.search(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f]", head) or b"\n" not in head[:4096]:
+                raise _binary(source)
+            raise _nul(source, 1 + head[: head.index(b"\0")].count(b"\n"))
+        is_cut = len(source.head) == HEAD_BYTES
+        encoding = "utf-8"
         try:
-            return data.decode("utf-16").encode(), "utf-8"
+            head[: head.rfind(b"\n") + 1 or None].decode()
         except UnicodeDecodeError:
-            raise _binary(file) from None
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    head = data[:_HEAD_BYTES]
-    if re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", head):
-        raise _binary(file)
-    try:
-        head[: head.rfind(b"\n") + 1 or None].decode()
-        return data, "utf-8"
-    except UnicodeDecodeError:
-        # Western single-byte text holds a ° or µ among many plain characters; binary does not.
-        if sum(byte > 127 for byte in head) > 0.1 * len(head):
-            raise _binary(file) from None
-        return data, "cp1252"
+            # Western single-byte text holds a ° or µ among many plain characters; binary does not.
+            if sum(byte > 127 for byte in head) > 0.1 * len(head):
+                raise _binary(source) from None
+            encoding = "cp1252"
+        return cls(source, None, encoding, head.decode(encoding, errors="replace"), is_cut)
+
+    def open(self) -> BinaryIO:
+        """The text from its beginning, without a byte-order mark."""
+        if self._data is not None:
+            return io.BytesIO(self._data)
+        stream = self.source.open()
+        if self.source.head.startswith(b"\xef\xbb\xbf"):
+            stream.read(3)
+        return stream
+
+    def chunks(self) -> Iterator[bytes]:
+        return iter((self._data,)) if self._data is not None else self.source.chunks()
+
+    def examine(self, layout: Layout) -> None:
+        """One pass over the text: comments, delimiters; raises where it is cut off or holds NUL."""
+        sign = layout.delimiter.encode() if len(layout.delimiter) == 1 else b""
+        line, tail = 1, b""
+        for chunk in self.chunks():
+            if (at := chunk.find(b"\0")) >= 0:
+                raise _nul(self.source, line + chunk[:at].count(b"\n"))
+            line += chunk.count(b"\n")
+            self.delimiters += chunk.count(sign) if sign else 0
+            if self.comment is None:
+                self.comment = next((c for c in _COMMENT if c.encode() in chunk), None)
+            tail = (tail + chunk)[-HEAD_BYTES // 2 :]
+        before = self.head.splitlines(keepends=True)[: layout.skip]
+        self.delimiters -= "".join(before).count(layout.delimiter) if sign else 0
+        if tail and not tail.endswith((b"\n", b"\r", b"\0")):
+            _check_end(self.source, tail.decode(self.encoding, "replace"), line, layout)
 
 
-def _binary(file: str) -> InputError:
-    return InputError(
-        Problem(file, "", "is a binary file, not text", "save the columns as .csv or .npz")
+def _check_end(source: Source, tail: str, line: int, layout: Layout) -> None:
+    """Raises where the last line, which has no end, breaks off within the table's row."""
+    rows = tail.splitlines()
+    last, earlier = rows[-1], rows[1:-1][-100:]
+    if layout.edges or not earlier or last.lstrip().startswith(_COMMENT):
+        return
+    cells = _cells(last, layout.delimiter)
+    before = [_cells(row, layout.delimiter) for row in earlier]
+    usual = Counter(len(row) for row in before if row).most_common(1)[0][0] if any(before) else 0
+    if not cells or not usual:
+        return
+    ends = [_decimals(row[-1], layout.decimal) for row in before if len(row) == usual]
+    broken = (
+        len(cells) < usual
+        or re.fullmatch(r"[+-]|.*\d[eE][+-]?", cells[-1])
+        or (len(ends) > 20 and _decimals(cells[-1], layout.decimal) < min(ends))
     )
+    if broken:
+        raise source.wrong("is cut off: its last line breaks off", "copy it again, or remove the line",
+                           f"line {line}")  # fmt: skip
+
+
+def _decimals(cell: str, decimal: str) -> int:
+    return len(cell.partition(decimal)[2])
+
+
+def _binary(source: Source) -> InputError:
+    return source.wrong("is a binary file, not text", "save the columns as .csv or .npz")
+
+
+def _nul(source: Source, line: int) -> InputError:
+    return source.wrong("holds NUL bytes, as a logger leaves them that loses power",
+                        "remove them", f"line {line}")  # fmt: skip
 
 
 def find_layout(lines: Sequence[str], wanted: Sequence[str] = ()) -> Layout | None:
@@ -104,8 +193,40 @@ def find_layout(lines: Sequence[str], wanted: Sequence[str] = ()) -> Layout | No
             cells = [cell for k in data for cell in rows[k]]
             comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
             names = _header(lines[:first], delimiter, width, wanted)
-            best, best_score = Layout(delimiter, "," if comma else ".", first, names), score
+            units = _units(lines[:first], delimiter, width, names)
+            best = Layout(delimiter, "," if comma else ".", first, names, units)
+            best_score = score
+    if best is None or (best.delimiter == r"\s+" and _ragged(lines[best.skip :])):
+        return _fixed_width(lines) or best
     return best
+
+
+def _ragged(lines: Sequence[str]) -> bool:
+    """True where many lines have other numbers of words than most."""
+    counts = Counter(len(line.split()) for line in lines if line.strip())
+    return counts.most_common(1)[0][1] < 0.95 * counts.total()
+
+
+_FIXED = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+|\d+)(?:[eEdD][+-]?\d+)?")
+
+
+def _fixed_width(lines: Sequence[str]) -> Layout | None:
+    """Layout of numbers that end at the same places on every line, whether or not they touch."""
+    rows = [k for k, line in enumerate(lines) if line.strip() and not _FIXED.sub("", line).strip()]
+    if len(rows) < 5:
+        return None
+    ends = Counter(m.end() for k in rows for m in _FIXED.finditer(lines[k]))
+    places = sorted(place for place, count in ends.items() if count > 0.3 * len(rows))
+    if len(places) < 2 or sum(ends[place] for place in places) < 0.98 * ends.total():
+        return None
+    edges = tuple(zip((0, *places[:-1]), places, strict=True))
+    names = ("",) * len(places)
+    for line in reversed(lines[: rows[0]]):
+        cells = tuple(line[a:b].strip() for a, b in edges)
+        if all(cells) and _is_header(list(cells)):
+            names = cells
+            break
+    return Layout("", ".", rows[0], names, edges=edges)
 
 
 def _first_of_table(data: list[int], rows: list[list[str]], width: int) -> int:
@@ -166,6 +287,18 @@ def _header(
     return best
 
 
+def _units(
+    lines: Sequence[str], delimiter: str, width: int, names: Sequence[str]
+) -> tuple[str, ...]:
+    """The line of units between header and data; () where there is none."""
+    for line in reversed(lines[-3:]):
+        text = line.strip()
+        cells = _cells(text.lstrip("#% ") if text.startswith(_COMMENT) else text, delimiter)
+        if len(cells) == width and tuple(cells) != tuple(names) and _units_among(cells):
+            return tuple(cells)
+    return ()
+
+
 def _units_among(cells: Sequence[str]) -> int:
     def is_unit(cell: str) -> bool:
         for si in ("rad/s", "m/s^2", "T", "degC", "s"):
@@ -178,28 +311,37 @@ def _units_among(cells: Sequence[str]) -> int:
     return int(sum(map(is_unit, cells)) > len(cells) / 2)
 
 
-def _parse(
-    data: bytes, encoding: str, layout: Layout, indices: Sequence[int], file: str
-) -> dict[int, np.ndarray]:
+def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> dict[int, np.ndarray]:
     import pandas
 
-    comment = next((c for c in _COMMENT if data.find(c.encode()) >= 0), None)
+    common = dict(
+        header=None,
+        skiprows=layout.skip,
+        decimal=layout.decimal,
+        comment=text.comment,
+        encoding=text.encoding,
+        encoding_errors="replace",
+    )
+    parts: dict[int, list[np.ndarray]] = {index: [] for index in indices}
+    rows = 0
     try:
-        frame = pandas.read_csv(
-            io.BytesIO(data),
-            sep=layout.delimiter,
-            header=None,
-            names=range(len(layout.names)),
-            usecols=list(indices),
-            index_col=False,
-            skiprows=layout.skip,
-            decimal=layout.decimal,
-            comment=comment,
-            skipinitialspace=True,
-            encoding=encoding,
-            encoding_errors="replace",
-            low_memory=False,
-        )
+        with text.open() as stream:
+            if layout.edges:
+                edges = [layout.edges[index] for index in indices]
+                frames = pandas.read_fwf(
+                    stream, colspecs=edges, names=list(indices), chunksize=_ROWS, **common
+                )
+            else:
+                frames = pandas.read_csv(
+                    stream, sep=layout.delimiter, names=range(len(layout.names)),
+                    usecols=list(indices), index_col=False, skipinitialspace=True,
+                    low_memory=False, chunksize=_ROWS, **common,
+                )  # fmt: skip
+            with frames:
+                for frame in frames:
+                    rows += len(frame)
+                    for index in indices:
+                        parts[index].append(frame[index].to_numpy())
     except pandas.errors.EmptyDataError:
         return {index: np.empty(0) for index in indices}
     except (pandas.errors.ParserError, ValueError, OverflowError) as error:
@@ -207,25 +349,35 @@ def _parse(
             Problem(file, _line(str(error)), f"is no regular table: {_tidy(str(error))}",
                     "write the same number of cells on every line")
         ) from None  # fmt: skip
-    _check_width(data, encoding, layout, len(frame), file)
-    return {index: frame[index].to_numpy() for index in indices}
+    _check_width(text, layout, rows, file)
+    columns = {}
+    for index in indices:
+        columns[index] = _joined(parts.pop(index))
+    return columns
 
 
-def _check_width(data: bytes, encoding: str, layout: Layout, rows: int, file: str) -> None:
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    """One column from its pieces: integers where all are, text where any is."""
+    if len(parts) == 1:
+        return parts[0]
+    if all(part.dtype.kind in "iuf" for part in parts):
+        return np.concatenate(parts)
+    return np.concatenate([part.astype(object) for part in parts])
+
+
+def _check_width(text: _Text, layout: Layout, rows: int, file: str) -> None:
     """Raises where a line holds more cells than the table: the parser drops what it has too many."""
     delimiter, width = layout.delimiter, len(layout.names)
-    body = 0
-    for _ in range(layout.skip):
-        body = data.find(b"\n", body) + 1
-    if len(delimiter) > 1 or data.count(delimiter.encode(), body) <= rows * (width - 1):
+    if layout.edges or len(delimiter) > 1 or text.delimiters <= rows * (width - 1):
         return
-    for number, line in enumerate(data.decode(encoding, "replace").splitlines(), start=1):
-        cells = len(_cells(line, delimiter)) if number > layout.skip else 0
-        if cells > width:
-            raise InputError(
-                Problem(file, f"line {number}", f"holds {cells} cells, the table has {width} columns",
-                        "mend or remove the line")
-            )  # fmt: skip
+    with io.TextIOWrapper(text.open(), encoding=text.encoding, errors="replace") as stream:
+        for number, line in enumerate(stream, start=1):
+            cells = len(_cells(line, delimiter)) if number > layout.skip else 0
+            if cells > width:
+                raise InputError(
+                    Problem(file, f"line {number}", f"holds {cells} cells, the table has {width} columns",
+                            "mend or remove the line")
+                )  # fmt: skip
 
 
 def _line(message: str) -> str:
