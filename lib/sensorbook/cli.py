@@ -67,11 +67,14 @@ def _report(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from sensorbook.recordings import check
+    from sensorbook.guessing import told
+    from sensorbook.recordings import check_device
 
     failed = False
     for path in arguments.paths:
-        problems, findings = check(path)
+        device, problems, findings = check_device(path)
+        for line in told(device.guessed) if device and device.guessed else ():
+            print(line)
         prefix = f"{path}: " if len(arguments.paths) > 1 else ""
         for problem in problems:
             print(f"{prefix}{problem}", file=sys.stderr)
@@ -92,7 +95,9 @@ def _new(arguments: argparse.Namespace) -> int:
     guessed = new_device(Path(arguments.folder), [Path(file) for file in arguments.files])
     for line in told(guessed):
         print(line)
-    print(f"{arguments.folder}/device.toml: written; read it, then: sensorbook report {arguments.folder}")
+    print(
+        f"{arguments.folder}/device.toml: written; read it, then: sensorbook report {arguments.folder}"
+    )
     return 0
 
 
@@ -160,7 +165,9 @@ def _parser() -> argparse.ArgumentParser:
         "render every report of device folders",
         "sensorbook report data/imu-7 data/imu-8 --out reports",
     )
-    report.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording")
+    report.add_argument(
+        "paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording"
+    )
     report.add_argument("--out", default="reports", metavar="DIR", help="default: reports")
     report.add_argument(
         "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
@@ -176,7 +183,9 @@ def _parser() -> argparse.ArgumentParser:
         "check device folders without computing: every problem, and how to mend it",
         "sensorbook check data/imu-7",
     )
-    check.add_argument("paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording")
+    check.add_argument(
+        "paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording"
+    )
 
     new = command(
         "new",

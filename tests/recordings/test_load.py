@@ -148,7 +148,7 @@ def test_no_recordings(folder):
 
 def test_no_device_folder(tmp_path):
     with pytest.raises(
-        InputError, match=r"nowhere: is not a device folder — name a folder that holds"
+        InputError, match=r"nowhere: there is no such file or folder — name a folder that holds"
     ):
         sensorbook.load(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"device\.toml: is missing in .* — write one with"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOWN
+from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOWN, weakest
 from sensorbook.guessing.columns import Column
 from sensorbook.units import factor
 
@@ -73,47 +73,53 @@ def _of_column(column: Column) -> Clock | None:
     steps = steps[steps > 0]
     if not len(steps):
         return None
-    step = float(np.median(steps))
-    if _coarse(values):
-        return _of_coarse(column, values)
+    uneven = _uneven(values)
+    step = (
+        float(values.max() - values.min()) / (len(values) - 1)
+        if uneven
+        else float(np.median(steps))
+    )
+    unit, certainty, reason = _unit(column, values, step)
+    seconds = step * factor(unit or "s", "s")
+    if uneven:
+        reason = f"the mean over {column.shown}, whose stamps come {uneven}: {1 / seconds:.5g} Hz"
+        return Clock(None, "", seconds, weakest(certainty, LOW), reason)
+    return Clock(column, unit, seconds, certainty, reason)
+
+
+def _unit(column: Column, values: np.ndarray, step: float) -> tuple[str, str, str]:
+    """Unit of a time, "" for dates; how sure, and why."""
     if column.stamps:
-        return Clock(column, "", step, HIGH, "it holds dates and times of day")
+        return "", HIGH, "it holds dates and times of day"
     if unit := column.named.unit:
         rate = 1 / (step * factor(unit, "s"))
-        return Clock(column, unit, step * factor(unit, "s"), HIGH,
-                     f"its name gives the unit; the stamps step by {step:.6g} {unit}, {rate:.5g} Hz")  # fmt: skip
+        return (
+            unit,
+            HIGH,
+            f"its name gives the unit; the stamps step by {step:.6g} {unit}, {rate:.5g} Hz",
+        )
     for unit, si in _SINCE_1970.items():
         if 9.8e8 < values[0] * si < 3e9 and _USUAL_RATES[0] / 10 < 1 / (step * si) < 1e5:
-            return Clock(column, unit, step * si, HIGH, f"counted from 1970 in {unit}")
-    possible = [u for u in ("s", "ms", "us", "ns")
-                if _USUAL_RATES[0] <= 1 / (step * factor(u, "s")) <= _USUAL_RATES[1]]  # fmt: skip
+            return unit, HIGH, f"counted from 1970 in {unit}, {1 / (step * si):.5g} Hz"
+    rates = {u: 1 / (step * factor(u, "s")) for u in ("s", "ms", "us", "ns")}
+    possible = [u for u, rate in rates.items() if _USUAL_RATES[0] <= rate <= _USUAL_RATES[1]]
     seen = f"its stamps step by {step:.6g}"
     if not possible:
-        return Clock(column, "s", step, LOW, f"{seen}, which is usual in no unit of time")
-    whole = bool((values[:1000] == np.round(values[:1000])).all())
-    if not whole and "s" in possible:
+        return "s", LOW, f"{seen}, which is usual in no unit of time"
+    if "s" in possible and not (values[:1000] == np.round(values[:1000])).all():
         possible = ["s"]  # fractions are for seconds
-    unit = possible[0]
-    rate = 1 / (step * factor(unit, "s"))
-    others = "".join(f", {1 / (step * factor(u, 's')):.4g} Hz if it were {u}" for u in possible[1:])
+    others = "".join(f", {rates[u]:.4g} Hz if it were {u}" for u in possible[1:])
     sure = LOW if others else (HIGH if column.named.role == "time" else MEDIUM)
-    return Clock(
-        column, unit, step * factor(unit, "s"), sure, f"{seen}: {rate:.5g} Hz in {unit}{others}"
-    )
+    return possible[0], sure, f"{seen}: {rates[possible[0]]:.5g} Hz in {possible[0]}{others}"
 
 
-def _of_coarse(column: Column, values: np.ndarray) -> Clock | None:
-    """The mean rate of stamps that several samples share: whole seconds, a logger's blocks."""
-    unit = "s" if column.stamps else column.named.unit
-    known = (u for u, si in _SINCE_1970.items() if 9.8e8 < values[0] * si < 3e9)
-    if not (unit := unit or next(known, "")):
-        return None
-    step = float(values.max() - values.min()) * factor(unit, "s") / (len(values) - 1)
-    return Clock(None, "", step, MEDIUM, f"the mean over {column.shown}, whose stamps several "
-                                         f"samples share: {1 / step:.5g} Hz")  # fmt: skip
-
-
-def _coarse(values: np.ndarray) -> bool:
-    """True where many neighbours have one stamp: whole seconds, say."""
-    steps = np.diff(values[:10_000])
-    return bool(np.count_nonzero(steps == 0) > 0.3 * max(len(steps), 1))
+def _uneven(values: np.ndarray) -> str:
+    """How stamps come that do not tell when each sample was taken; "" for those that do."""
+    steps = np.diff(values[:100_000])
+    if np.count_nonzero(steps == 0) > 0.3 * len(steps):
+        return "once for several samples"
+    regular = steps[np.abs(steps - np.median(steps)) <= 0.5 * np.median(steps)]
+    # A pause makes one long step; bursts make many, and hold most of the time.
+    if len(regular) < 0.9 * len(steps) and regular.sum() < 0.5 * steps.sum():
+        return "in bursts, as they arrived"
+    return ""

@@ -63,8 +63,10 @@ def new_device(folder: Path, files: Sequence[Path]) -> Guessed:
     except OSError as error:
         for path in made:
             path.unlink(missing_ok=True)
-        raise InputError(Problem(str(error.filename or folder), "",
-                                 f"cannot be written: {error.strerror}", "choose another folder")) from None  # fmt: skip
+        what = f"cannot be written: {error.strerror}"
+        raise InputError(
+            Problem(str(error.filename or folder), "", what, "choose another folder")
+        ) from None
     return guessed
 
 

@@ -52,7 +52,8 @@ def kind_of(
     if attitude:
         return Guess("kind", "trajectory", HIGH, "it moves, and an attitude stands beside it")
     if motion.positions and sensor != "magnetometer":
-        rests = f"{motion.attitudes} rests in different attitudes, {100 * motion.rest_share:.0f} % of the time"
+        share = 100 * motion.rest_share
+        rests = f"{motion.attitudes} rests in different attitudes, {share:.0f} % of the time"
         if by == "gyroscope":
             return Guess("kind", "positions", LOW, f"{motion.attitudes} rests between motions; the "
                          "gyroscope alone does not show whether the attitude differs")  # fmt: skip

@@ -14,6 +14,7 @@ import numpy as np
 STILL_ANGLE = 3.0  # degrees: a field's direction that stays within does not turn
 NEW_ATTITUDE = 15.0  # degrees between rests that are rests of their own
 QUIET = 3.0  # times the scatter of the quietest stretches still is rest
+CLEAR_REST = 30.0  # times the noise that motion makes: less, and what looks quiet is a slow hand
 FEWEST_RESTS = 3
 REST_SHARE = 0.25  # of the time, in a record of positions
 
@@ -114,8 +115,9 @@ def of_rate(values: np.ndarray) -> Motion:
     still = blocks.steadiness < 4 and np.quantile(away, 0.95) < 5 * np.median(blocks.scatter)
     if still:
         return Motion(True, 1, 1.0)
-    runs = [(a, b) for a, b in _runs(blocks.quiet)]
-    return Motion(False, len(runs), float(blocks.quiet.mean()))
+    if blocks.steadiness < CLEAR_REST:
+        return Motion(False, 0, 0.0)
+    return Motion(False, len(_runs(blocks.quiet)), float(blocks.quiet.mean()))
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:

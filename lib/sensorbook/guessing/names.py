@@ -8,10 +8,16 @@ Named(role='axis', sensor='gyroscope', axis='x', unit='deg/s', group='gyro')
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import dataclass
 
 from sensorbook.units import SENSOR_UNITS, UnitError, factor
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
 
 _SENSOR_WORDS = {
     "accelerometer": "acc accel accelerometer acceleration accelerations specificforce sf fb "
@@ -25,15 +31,23 @@ _SENSORS = {word: sensor for sensor, words in _SENSOR_WORDS.items() for word in 
 # One letter before the axis: gx, wx, ax, mx, bx.
 _LETTERS = {"a": "accelerometer", "g": "gyroscope", "w": "gyroscope", "m": "magnetometer",
             "b": "magnetometer"}  # fmt: skip
-_TIME = set(
-    ["t", "ts", "time", "times", "timestamp", "timestamps", "stamp", "sec", "secs", "second", "seconds", "ms", "millis", "msec", "us", "usec", "ns", "nsec", "nanoseconds", "microseconds", "milliseconds", "epoch", "date", "datetime", "elapsed", "clock", "tow", "unixtime", "utc"]
+_TIME = _words(
+    "t ts time times timestamp timestamps stamp sec secs second seconds ms millis msec us "
+    "usec ns nsec nanoseconds microseconds milliseconds epoch date datetime elapsed clock tow "
+    "unixtime utc"
 )
-_TEMPERATURE = set(["temp", "temps", "temperature", "temperatures", "tmp", "degc", "celsius", "thermistor"])
-_COUNTER = set(["n", "nr", "no", "index", "idx", "count", "counter", "sample", "samples", "packet", "packetcounter", "seq", "sequence", "row", "id", "frame", "nsamples", "samplenumber"])  # fmt: skip
-_QUATERNION = set(["q", "quat", "quaternion", "orientation", "attitude", "rotationvector"])
+_TEMPERATURE = _words("temp temps temperature temperatures tmp degc celsius thermistor")
+_COUNTER = _words(
+    "n nr no index idx count counter sample samples packet packetcounter seq sequence row id "
+    "frame nsamples samplenumber"
+)
+_QUATERNION = _words("q quat quaternion orientation attitude rotationvector")
 # Derived quantities and other instruments, which share words or axes with what is looked for.
-_OTHER = set(
-    ["roll", "pitch", "yaw", "heading", "euler", "vel", "velocity", "pos", "position", "lat", "latitude", "lon", "longitude", "alt", "altitude", "height", "pressure", "baro", "speed", "gps", "gnss", "humidity", "light", "lux", "battery", "volt", "voltage", "current", "cov", "covariance", "std", "sigma", "variance", "label", "activity", "movement", "user", "gravity", "offset", "bias", "raw_adc", "status", "accuracy", "ref", "reference", "tau", "dev", "adev"]
+_OTHER = _words(
+    "roll pitch yaw heading euler vel velocity pos position lat latitude lon longitude alt "
+    "altitude height pressure baro speed gps gnss humidity light lux battery volt voltage "
+    "current cov covariance std sigma variance label activity movement user gravity offset "
+    "bias raw_adc status accuracy ref reference tau dev adev"
 )
 _AXES = {"x": "x", "y": "y", "z": "z"}
 _NUMBERED = {"0": "x", "1": "y", "2": "z"}
@@ -92,8 +106,8 @@ def read_name(name: str) -> Named:
     group = "_".join(rest)
     if axis and (words & _QUATERNION or rest[:1] == ["q"]):
         return Named("quaternion", "", axis, "", group)
-    own = {a for a, b in zip(rest, rest[1:], strict=False) if a + b in _SENSORS}
-    own |= {b for a, b in zip(rest, rest[1:], strict=False) if a + b in _SENSORS}
+    own = {a for a, b in itertools.pairwise(rest) if a + b in _SENSORS}
+    own |= {b for a, b in itertools.pairwise(rest) if a + b in _SENSORS}
     if axis in ("x", "y", "z") and sensor and not (words - own) & _OTHER:
         return Named("axis", sensor, axis, unit, group)
     if words & _TEMPERATURE or unit in ("degC", "K", "degF"):
@@ -114,7 +128,7 @@ def read_name(name: str) -> Named:
 def sensor_in(words) -> str:
     """The sensor that some words (of a name, in order) speak of; "" for none or several."""
     words = [re.sub(r"\d+$", "", w) for w in words]
-    pairs = [a + b for a, b in zip(words, words[1:], strict=False)] + ["".join(words)]
+    pairs = [a + b for a, b in itertools.pairwise(words)] + ["".join(words)]
     found = {_SENSORS[w] for w in (*words, *pairs) if w in _SENSORS}
     if len(found) != 1:
         glued = {s for w in words for word, s in _SENSORS.items() if len(word) > 3 and word in w}

@@ -6,6 +6,7 @@ of two sensors is the gyroscope, and its scale where the time is known, or the t
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -92,7 +93,7 @@ def rotation_scale_between(
     near : a scale found otherwise, right to 30 %
     """
     turns = []
-    for (start, end), (following, until) in zip(rests, rests[1:], strict=False):
+    for (start, end), (following, until) in itertools.pairwise(rests):
         before, after = field[start:end].mean(axis=0), field[following:until].mean(axis=0)
         before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
         # From the middle of one rest to that of the next: nothing turns in a rest.

@@ -78,8 +78,11 @@ def accelerometer(values: np.ndarray, declared: str, motion: Motion, sphere: Sph
         return Unit(found, HIGH, f"{measured}: that is {'' if found == 'g' else '1 g in '}{found}")
     if _whole(values) and length > 20:
         scale = {"factor": float(f"{GRAVITY / length:.4g}"), "unit": "m/s^2"}
-        return Unit("counts", MEDIUM, f"whole numbers, and {measured}, taken as 1 g: right to "
-                    "the few per cent by which a raw sensor errs; the datasheet knows better", scale)  # fmt: skip
+        reason = (
+            f"whole numbers, and {measured}, taken as 1 g: right to the few per cent by which a raw "
+            "sensor errs; the datasheet knows better"
+        )
+        return Unit("counts", MEDIUM, reason, scale)
     return Unit("m/s^2", UNKNOWN, f"{measured}, which is 1 g in no common unit")
 
 
@@ -131,12 +134,16 @@ def gyroscope(
     fastest = float(np.abs(values).max())
     rest = f"it reads {bias:.3g} at rest, scattering by {noise:.2g}"
     if not motion.still:
-        rest = f"it reads up to {fastest:.3g} in motion, and scatters by {noise:.2g} at rest"
+        rest = f"it reads up to {fastest:.3g} in motion"
+        rest += f", and scatters by {noise:.2g} at rest" if motion.attitudes else ""
 
     def fits(unit: str) -> bool:
         si = factor(unit, "rad/s")
-        moved = motion.still or np.radians(5) < fastest * si < _FASTEST
-        return bias * si < _BIAS and _NOISE[0] < noise * si < _NOISE[1] and moved
+        if not motion.still and not np.radians(5) < fastest * si < _FASTEST:
+            return False
+        if not motion.still and not motion.attitudes:  # no rest that could show bias and noise
+            return True
+        return bias * si < _BIAS and _NOISE[0] < noise * si < _NOISE[1]
 
     if declared and declared != "counts":
         if fits(declared):

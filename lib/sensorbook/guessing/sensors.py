@@ -191,14 +191,13 @@ def _by_elimination(triples: Sequence[Triple]) -> None:
     there = {t.sensor for t in triples}
     if not left:
         return
-    if "accelerometer" not in there and len(triples) > 1:
-        steady = [_steadiness(t) for t in left]
-        best = int(np.argmax(steady))
-        if left[best].as_field.still and steady[best] > 5 * max(s for k, s in enumerate(steady) if k != best) \
-                if len(left) > 1 else False:  # fmt: skip
-            left[best].settle("accelerometer", LOW,
-                              "at rest its reading is long against its noise, as gravity is")  # fmt: skip
-            left = [t for t in left if not t.sensor]
+    if "accelerometer" not in there and len(left) > 1:
+        steady = {t: _steadiness(t) for t in left}
+        best, second, *_ = sorted(left, key=steady.get, reverse=True)
+        if best.as_field.still and steady[best] > 5 * steady[second]:
+            best.settle("accelerometer", LOW,
+                        "at rest its reading is long against its noise, as gravity is")  # fmt: skip
+            left.remove(best)
             there.add("accelerometer")
     if "accelerometer" in there and "gyroscope" not in there and left:
         # Loggers write the gyroscope next to the accelerometer and the magnetometer last.

@@ -4,7 +4,7 @@ Only this package reads inputs. `load(folder).gyroscope.static` is a recording; 
 every problem and finding.
 """
 
-from sensorbook.recordings.device import Device, check, from_declaration, load
+from sensorbook.recordings.device import Device, check, check_device, from_declaration, load
 from sensorbook.recordings.images import Images
 from sensorbook.recordings.recording import Finding, Recording, Segment
 from sensorbook.recordings.tables import Table, open_table
@@ -17,6 +17,7 @@ __all__ = [
     "Segment",
     "Table",
     "check",
+    "check_device",
     "from_declaration",
     "load",
     "open_table",

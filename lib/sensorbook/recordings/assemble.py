@@ -109,12 +109,13 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
 def _guesses(recording: Recording) -> tuple[Finding, ...]:
     """What the declaration itself says is a guess."""
     said = {
-        "low": "its {key} is a guess of low certainty",
-        "not known": "its {key} is not known, and no result follows without it",
+        "low": "is a guess of low certainty",
+        "not known": "is not known, and no result follows without it",
     }
+    mend = f"give it in {FILE}, and delete it from `guessed`"
     return tuple(
         Finding(recording.file, recording.sensor, "guessed",
-                f"{said[sure].format(key=key.replace('_', ' '))}: give it in {FILE}, and delete it from `guessed`")
+                f"its {key.replace('_', ' ')} {said[sure]}: {mend}")
         for key, sure in recording.declaration.get("guessed", {}).items()
     )  # fmt: skip
 

@@ -41,11 +41,16 @@ def load(path: str | Path) -> Device:
 
 def check(path: str | Path) -> tuple[list[Problem], list[Finding]]:
     """Every problem and every finding of a device folder or bare recording; computes no result."""
+    return check_device(path)[1:]
+
+
+def check_device(path: str | Path) -> tuple[Device | None, list[Problem], list[Finding]]:
+    """The device, where there is one, with every problem and finding."""
     device, problems = _open(Path(path))
     if device is None:
-        return problems, []
+        return None, problems, []
     found, findings = device.check()
-    return problems + found, findings
+    return device, problems + found, findings
 
 
 def _open(path: Path) -> tuple[Device | None, list[Problem]]:
@@ -58,7 +63,8 @@ def _open(path: Path) -> tuple[Device | None, list[Problem]]:
         return None, [Problem(FILE if folder.is_dir() else str(path), where, message, mend)]
 
     if not folder.is_dir():
-        return wrong("is not a device folder", f"name a folder that holds a {FILE}")
+        what = "is no folder" if folder.exists() else "there is no such file or folder"
+        return wrong(what, f"name a folder that holds a {FILE}, or a recording")
     if not source.is_file():
         return wrong(f"is missing in {folder.name or folder}", "write one with: sensorbook new")
     try:

@@ -249,8 +249,8 @@ def choose(source: Source, table: str | None, there: Sequence[str], what: str) -
     if table is None and len(there) == 1:
         return there[0]
     if table is None:
-        raise source.wrong(f"holds {len(there) or 'no'} {what}s of samples",
-                           f'say which with table = "…"; {listed}' if there else "name another file")  # fmt: skip
+        mend = f'say which with table = "…"; {listed}' if there else "name another file"
+        raise source.wrong(f"holds {len(there) or 'no'} {what}s of samples", mend)
     if table not in there:
         raise source.wrong(f"there is no such {what}", listed, f"table {table!r}")
     return table

@@ -50,8 +50,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     """Opens delimited or fixed-width text; `wanted` helps to find the header."""
     file = source.file
     if table is not None:
-        raise source.wrong("is text and holds one table only",
-                           "leave `table` out, or name the file that holds it", f"table {table!r}")  # fmt: skip
+        mend = "leave `table` out, or name the file that holds it"
+        raise source.wrong("is text and holds one table only", mend, f"table {table!r}")
     text = _Text.of(source)
     lines = text.head.splitlines()
     if text.is_cut:
@@ -314,14 +314,14 @@ def _units_among(cells: Sequence[str]) -> int:
 def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> dict[int, np.ndarray]:
     import pandas
 
-    common = dict(
-        header=None,
-        skiprows=layout.skip,
-        decimal=layout.decimal,
-        comment=text.comment,
-        encoding=text.encoding,
-        encoding_errors="replace",
-    )
+    common = {
+        "header": None,
+        "skiprows": layout.skip,
+        "decimal": layout.decimal,
+        "comment": text.comment,
+        "encoding": text.encoding,
+        "encoding_errors": "replace",
+    }
     parts: dict[int, list[np.ndarray]] = {index: [] for index in indices}
     rows = 0
     try:

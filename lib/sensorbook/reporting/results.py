@@ -107,6 +107,7 @@ def assemble(
         "warnings": warnings,
         "chapters": listed,
         "problems": list(problems),
+        "guesses": device.get("guesses", []),
     }
 
 

@@ -21,6 +21,7 @@ import nbformat
 
 import sensorbook
 from sensorbook.errors import InputError
+from sensorbook.guessing import guess_rows, told
 from sensorbook.reporting import chapters, execute, index, render, results
 from sensorbook.reporting.chapters import Chapter
 from sensorbook.reporting.tree import Tree
@@ -43,6 +44,8 @@ def report(
         if len(same) > 1:
             said.problem(f'{" and ".join(same)} have the same id "{device.id}": give each its own')
             return 1
+    if not devices:
+        return 1
     try:
         with Tree(out) as tree:
             _run(devices, tree, Path(out), jobs or os.cpu_count() or 1, set(only), said)
@@ -91,28 +94,33 @@ class _Said:
 
 def _open(path: Path, said: _Said) -> _Device | None:
     """The device in a folder; None, said why, where there is none that could have a report."""
+    bare = path.is_file() and path.name != "device.toml"
     declaration = path if path.name == "device.toml" else path / "device.toml"
-    if not declaration.is_file():
-        what = "is a file" if path.is_file() else "has no device.toml"
-        what = what if path.exists() else "there is no such folder"
-        said.problem(f"{path}: {what} — give a folder that holds a device.toml")
+    if not bare and not declaration.is_file():
+        what = "has no device.toml" if path.exists() else "there is no such file or folder"
+        said.problem(f"{path}: {what} — give a folder that holds a device.toml, or a recording")
         return None
     try:
         device = sensorbook.load(str(path))
     except InputError as error:
         problems = tuple(map(str, error.problems))
-        name = _declared_id(declaration)
+        name = "" if bare else _declared_id(declaration)
         about = {"id": name, "name": name, "model": None, "serial": None, "spec": {}}
         recorded = frozenset()
     else:
         problems = tuple(map(str, device.problems))
         about = {key: getattr(device, key) for key in ("id", "name", "model", "serial", "spec")}
         recorded = frozenset((entry.sensor, entry.kind) for entry in device.declared)
+        if device.guessed is not None:
+            about["guesses"] = guess_rows(device.guessed)
+            for line in told(device.guessed):
+                said.line(line)
     for problem in problems:
         said.problem(f"{about['id'] or path}: {problem}")
     if not about["id"]:
         return None
-    return _Device(declaration.parent.resolve(), about["id"], about, recorded, problems)
+    place = path if bare else declaration.parent
+    return _Device(place.resolve(), about["id"], about, recorded, problems)
 
 
 def _declared_id(declaration: Path) -> str:

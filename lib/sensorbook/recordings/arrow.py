@@ -1,0 +1,98 @@
+"""Parquet and Feather (Arrow IPC): columns by name, each read when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sensorbook.errors import InputError
+from sensorbook.recordings.tables import MAX_BYTES, Source, Table, too_large
+
+
+def table_names(source: Source) -> tuple[str, ...]:
+    """None: a file is one table."""
+    return ()
+
+
+def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
+    """Opens a Parquet or Feather file; units stand in the fields' metadata, if anywhere."""
+    import pyarrow
+    from pyarrow import ipc, parquet
+
+    if table is not None:
+        raise source.wrong("holds one table only", "leave `table` out", f"table {table!r}")
+    try:
+        if source.head.startswith(b"PAR1"):
+            file = parquet.ParquetFile(source.path, memory_map=False)
+            schema, rows = file.schema_arrow, file.metadata.num_rows
+        else:
+            reader = ipc.open_file(pyarrow.memory_map(str(source.path)))
+            schema, rows = reader.schema, None
+    except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
+        raise _damaged(source, error) from None
+    if rows is not None and rows * 8 > MAX_BYTES:
+        raise too_large(source.file)
+
+    def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
+        out = {}
+        for index in indices:
+            try:
+                if rows is None:
+                    options = ipc.IpcReadOptions(included_fields=[index])
+                    with pyarrow.memory_map(str(source.path)) as stream:
+                        part = ipc.open_file(stream, options=options).read_all()
+                else:
+                    parts = [
+                        file.read_row_group(k, columns=[_path(file, index)])
+                        for k in range(file.metadata.num_row_groups)
+                    ]
+                    part = pyarrow.concat_tables(parts) if parts else schema.empty_table()
+                out[index] = _values(source, part.column(0), schema.field(index).name)
+            except (pyarrow.ArrowException, OSError, ValueError, KeyError, OverflowError) as error:
+                if isinstance(error, InputError):
+                    raise
+                raise _damaged(source, error) from None
+        return out
+
+    units = tuple(
+        next((v.decode("utf-8", "replace") for k, v in (field.metadata or {}).items()
+              if k.lower() in (b"unit", b"units")), "")
+        for field in schema
+    )  # fmt: skip
+    return Table(source.file, tuple(schema.names), read, units=units)
+
+
+def _path(file, index: int) -> str:
+    """How Parquet names a column at the top level."""
+    return file.schema_arrow.field(index).name
+
+
+def _values(source: Source, column, name: str) -> np.ndarray:
+    """A column's values; nulls are NaN among numbers, and text stays text."""
+    from pyarrow import types
+
+    kind = column.type
+    if types.is_dictionary(kind):
+        column = column.cast(kind.value_type)
+        kind = column.type
+    if types.is_timestamp(kind) or types.is_date(kind):
+        column = column.cast("timestamp[ns]")
+        return column.to_numpy().astype("datetime64[ns]")
+    if types.is_decimal(kind) or types.is_boolean(kind) or types.is_float16(kind):
+        column = column.cast("float64") if not types.is_boolean(kind) else column.cast("int8")
+    elif types.is_duration(kind) or types.is_time(kind):
+        column = column.cast("int64")
+    elif not (types.is_integer(kind) or types.is_floating(kind) or types.is_string(kind)
+              or types.is_large_string(kind)):  # fmt: skip
+        raise source.wrong(f"holds {kind} values", "save plain numbers", f"column {name!r}")
+    if column.null_count and types.is_integer(column.type):
+        column = column.cast("float64", safe=False)
+    return column.to_numpy()
+
+
+def _damaged(source: Source, error: Exception) -> InputError:
+    kind = "Parquet" if source.head.startswith(b"PAR1") else "Feather"
+    return source.wrong(
+        f"is a damaged {kind} file, or one that is cut off", "save or copy it again"
+    )

@@ -1,0 +1,145 @@
+"""HDF5, and what is written as it: MATLAB v7.3, netCDF-4. Links out of the file are not followed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sensorbook.errors import InputError
+from sensorbook.recordings.arrays import Variable, places_of, tables_of
+from sensorbook.recordings.tables import Source, Table
+
+_ERRORS = (OSError, ValueError, RuntimeError, KeyError, TypeError, OverflowError, MemoryError)
+_MOST_OBJECTS = 10_000
+_DEEPEST = 8
+
+
+def table_names(source: Source) -> tuple[str, ...]:
+    """Groups of equally long arrays, and matrices."""
+    return tuple(sorted(tables_of(_variables(source))))
+
+
+def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
+    """Opens a file; `table` names a group, an array or a compound data set."""
+    variables = _variables(source)
+    places = places_of(source, tables_of(variables), table, "variable")
+
+    def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
+        out = {}
+        with _opened(source) as file:
+            for index in indices:
+                place = places[index]
+                path, _, field = place.variable.path.partition("\0")
+                try:
+                    data = file[path]
+                    if field:
+                        column = data.fields(field)[...]
+                    elif place.column is None:
+                        column = data[...]
+                    else:
+                        row = place.variable.is_row
+                        column = data[place.column, :] if row else data[:, place.column]
+                    out[index] = _scaled(np.asarray(column), data.attrs)
+                except _ERRORS:
+                    raise _damaged(source) from None
+        return out
+
+    names = tuple(place.name.rpartition("\0")[2] for place in places)
+    return Table(source.file, names, read, units=tuple(p.variable.unit for p in places))
+
+
+def _opened(source: Source):
+    import h5py
+
+    try:
+        return h5py.File(source.path, "r", locking=False)
+    except _ERRORS:
+        raise _damaged(source) from None
+
+
+def _variables(source: Source) -> list[Variable]:
+    """Every array of numbers in the file, at most eight groups deep."""
+    import h5py
+
+    found: list[Variable] = []
+
+    def look(group, path: str, depth: int) -> None:
+        for name in group:
+            if len(found) > _MOST_OBJECTS or depth > _DEEPEST or name.startswith("#"):
+                return  # "#refs#" are MATLAB's own
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                continue  # soft and external links may lead out of the file, or round in it
+            item = group[name]
+            here = f"{path}/{name}" if path else name
+            if isinstance(item, h5py.Group):
+                look(item, here, depth + 1)
+            elif isinstance(item, h5py.Dataset):
+                _note(source, item, here, found)
+
+    with _opened(source) as file:
+        try:
+            look(file, "", 0)
+        except _ERRORS as error:
+            if isinstance(error, InputError):
+                raise
+            raise _damaged(source) from None
+    return found
+
+
+def _note(source: Source, item, here: str, found: list[Variable]) -> None:
+    if item.shape is None or item.is_virtual or item.external:
+        return
+    kind = item.dtype
+    unit = _text(item.attrs.get("units", item.attrs.get("unit", "")))
+    if kind.names and len(item.shape) == 1:  # compound: a field a column
+        found += [
+            Variable(f"{here}\0{name}", item.shape, kind[name].itemsize)
+            for name in kind.names
+            if kind[name].kind in "iuf" and not kind[name].shape and "/" not in name
+        ]
+    elif _text(item.attrs.get("NAME")).startswith("This is a netCDF dimension but not"):
+        return
+    elif kind.kind in "iuf" and "MATLAB_empty" not in item.attrs:
+        found.append(Variable(here, tuple(item.shape), kind.itemsize, unit))
+
+
+def _text(value) -> str:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return value if isinstance(value, str) else ""
+
+
+def _scaled(column: np.ndarray, attributes) -> np.ndarray:
+    """Fill values as NaN, and packed values unpacked, as netCDF's conventions have it."""
+    return unpacked(
+        column, {k: attributes.get(k) for k in
+                 ("_FillValue", "missing_value", "scale_factor", "add_offset")}
+    )  # fmt: skip
+
+
+def unpacked(column: np.ndarray, attributes: dict) -> np.ndarray:
+    """A column as netCDF's attributes say: fill values are NaN, value = packed · scale + offset."""
+    fills = [np.asarray(attributes[k]).ravel() for k in ("_FillValue", "missing_value")
+             if attributes.get(k) is not None]  # fmt: skip
+    scale, offset = attributes.get("scale_factor"), attributes.get("add_offset")
+    missing = np.isin(column, np.concatenate(fills)) if fills else None
+    packed = scale is not None or offset is not None
+    if packed or (missing is not None and missing.any()):
+        column = column.astype(np.float64)
+    if packed:
+        column = column * float(np.ravel(1 if scale is None else scale)[0])
+        column += float(np.ravel(0 if offset is None else offset)[0])
+    if missing is not None and missing.any():
+        column[missing] = np.nan
+    if not column.dtype.isnative:
+        column = column.astype(column.dtype.newbyteorder("="))
+    return column
+
+
+def _damaged(source: Source) -> InputError:
+    matlab = source.head.startswith(b"MATLAB")
+    kind = "MATLAB v7.3" if matlab else "HDF5"
+    return source.wrong(
+        f"is a damaged {kind} file, or one that is cut off", "save or copy it again"
+    )

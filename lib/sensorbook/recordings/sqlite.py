@@ -1,0 +1,131 @@
+"""SQLite, as phone recorders write it: each sensor its own table and rate."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from urllib.parse import quote
+
+import numpy as np
+
+from sensorbook.errors import InputError
+from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, too_large
+
+_LONGEST = 120.0  # s that one query may take
+_ROWS = 1 << 16
+
+
+def table_names(source: Source) -> tuple[str, ...]:
+    """The tables; views are not read, since they can compute anything."""
+    with closing(_connected(source)) as database:
+        return _tables(source, database)
+
+
+def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
+    """Opens one table of a database."""
+    with closing(_connected(source)) as database:
+        name = choose(source, table, _tables(source, database), "table")
+        columns = tuple(
+            row[1] for row in _run(source, database, f"PRAGMA table_info({_quoted(name)})")
+        )
+
+    def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
+        wanted = ", ".join(_quoted(columns[index]) for index in indices)
+        parts: list[list[np.ndarray]] = [[] for _ in indices]
+        with closing(_connected(source)) as database:
+            try:
+                cursor = database.execute(f"SELECT {wanted} FROM {_quoted(name)} ORDER BY rowid")
+            except sqlite3.Error:
+                cursor = _run(source, database, f"SELECT {wanted} FROM {_quoted(name)}")
+            rows = 0
+            while block := _fetch(source, cursor):
+                rows += len(block)
+                if rows * 8 * len(indices) > MAX_BYTES:
+                    raise too_large(source.file, f"table {name!r}")
+                for k, values in enumerate(zip(*block, strict=True)):
+                    parts[k].append(_column(values))
+        return {index: _joined(parts[k]) for k, index in enumerate(indices)}
+
+    return Table(source.file, columns, read)
+
+
+def _column(values: Sequence) -> np.ndarray:
+    """Numbers where all are; nulls are NaN; else whatever they are, for the reader to name the row."""
+    kinds = set(map(type, values))
+    if kinds == {int}:
+        try:
+            return np.array(values, dtype=np.int64)
+        except OverflowError:
+            return np.array(values, dtype=object)
+    if kinds <= {int, float, type(None)}:
+        return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
+    return np.array([v.hex() if isinstance(v, bytes) else v for v in values], dtype=object)
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    if not parts:
+        return np.empty(0)
+    if any(part.dtype == object for part in parts):
+        return np.concatenate([part.astype(object) for part in parts])
+    return np.concatenate(parts)
+
+
+def _tables(source: Source, database: sqlite3.Connection) -> tuple[str, ...]:
+    query = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' ORDER BY name"
+    names = [row[0] for row in _run(source, database, query) if isinstance(row[0], str)]
+    filled = []
+    for name in names[:1000]:
+        if _run(source, database, f"SELECT 1 FROM {_quoted(name)} LIMIT 1").fetchone():
+            filled.append(name)
+    return tuple(filled)
+
+
+def _connected(source: Source) -> sqlite3.Connection:
+    for ending in ("-wal", "-journal"):
+        beside = source.path.with_name(source.path.name + ending)
+        if beside.is_file() and beside.stat().st_size > 32:
+            raise source.wrong(f"was not closed by its recorder: {beside.name} holds more of it",
+                               "open and close it once with sqlite3, or export it again")  # fmt: skip
+    if int.from_bytes(source.head[16:18]) not in (1, *(1 << k for k in range(9, 16))):
+        raise _damaged(source)
+    page = int.from_bytes(source.head[16:18])
+    page = 65536 if page == 1 else page
+    pages = int.from_bytes(source.head[28:32])
+    if pages and source.path.stat().st_size < pages * page:
+        raise source.wrong("is cut off", "copy it again")
+    path = quote(str(source.path.resolve()))
+    try:
+        # Immutable: no lock, no journal, nothing is written beside it.
+        database = sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
+        database.execute("PRAGMA trusted_schema = OFF")
+        database.execute("PRAGMA cell_size_check = ON")
+        database.text_factory = lambda data: data.decode("utf-8", "replace")
+    except sqlite3.Error:
+        raise _damaged(source) from None
+    end = time.monotonic() + _LONGEST
+    database.set_progress_handler(lambda: time.monotonic() > end, 100_000)
+    return database
+
+
+def _run(source: Source, database: sqlite3.Connection, query: str):
+    try:
+        return database.execute(query)
+    except (sqlite3.Error, sqlite3.Warning, ValueError, OverflowError):
+        raise _damaged(source) from None
+
+
+def _fetch(source: Source, cursor) -> list[tuple]:
+    try:
+        return cursor.fetchmany(_ROWS)
+    except (sqlite3.Error, ValueError, OverflowError):
+        raise _damaged(source) from None
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _damaged(source: Source) -> InputError:
+    return source.wrong("is a damaged SQLite file, or one that is cut off", "copy it again")

@@ -1,0 +1,324 @@
+"""Binary tables: what independent writers wrote comes back, and what cannot be read is said."""
+
+import sqlite3
+
+import h5py
+import netCDF4
+import numpy as np
+import pandas
+import pyarrow
+import pyarrow.parquet
+import pytest
+from pyarrow import feather
+from scipy.io import savemat
+
+import sensorbook
+from sensorbook import InputError
+from sensorbook.recordings import check, open_table
+from sensorbook.recordings.tables import table_names
+
+COUNT = 400
+
+
+@pytest.fixture
+def columns():
+    rng = np.random.default_rng(11)
+    named = {axis: rng.normal(size=COUNT) for axis in ("gx", "gy", "gz")}
+    return {"t": np.arange(COUNT) / 100, **named, "n": np.arange(COUNT, dtype=np.int32)}
+
+
+def parquet(path, columns):
+    pyarrow.parquet.write_table(pyarrow.table(columns), path, row_group_size=150)
+
+
+def feather_(path, columns):
+    feather.write_feather(pyarrow.table(columns), str(path), compression="lz4", chunksize=150)
+
+
+def pandas_parquet(path, columns):
+    pandas.DataFrame(columns).to_parquet(path)
+
+
+def hdf5(path, columns):
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            file.create_dataset(name, data=values, chunks=(100,), compression="gzip")
+
+
+def hdf5_group(path, columns):
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            file[f"imu/{name}"] = values
+        file["version"] = 3
+
+
+def hdf5_compound(path, columns):
+    with h5py.File(path, "w") as file:
+        file["log"] = pandas.DataFrame(columns).to_records(index=False)
+
+
+def matlab5(path, columns):
+    savemat(path, columns)
+
+
+def matlab5_compressed(path, columns):
+    savemat(path, columns, do_compression=True, oned_as="column")
+
+
+def matlab5_struct(path, columns):
+    savemat(path, {"log": columns, "rate": 100.0})
+
+
+def netcdf(kind):
+    def write(path, columns):
+        with netCDF4.Dataset(path, "w", format=kind) as file:
+            file.createDimension("time", COUNT)
+            for name, values in columns.items():
+                variable = file.createVariable(name, values.dtype, ("time",))
+                variable[:] = values
+                variable.units = "s" if name == "t" else "deg/s"
+
+    return write
+
+
+def sqlite(path, columns):
+    with sqlite3.connect(path) as database:
+        pandas.DataFrame(columns).to_sql("log", database, index=False)
+
+
+WRITERS = {
+    "parquet": parquet,
+    "pandas-parquet": pandas_parquet,
+    "feather": feather_,
+    "hdf5": hdf5,
+    "hdf5-group": hdf5_group,
+    "hdf5-compound": hdf5_compound,
+    "matlab5": matlab5,
+    "matlab5-compressed": matlab5_compressed,
+    "matlab5-struct": matlab5_struct,
+    "netcdf3": netcdf("NETCDF3_CLASSIC"),
+    "netcdf3-64bit": netcdf("NETCDF3_64BIT_OFFSET"),
+    "netcdf4": netcdf("NETCDF4"),
+    "sqlite": sqlite,
+}
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_what_was_written_comes_back_whatever_the_name(tmp_path, columns, writer):
+    path = tmp_path / "log.dat"  # read by content
+    WRITERS[writer](path, columns)
+    table = open_table(path)
+    assert set(table.names) == set(columns)
+    for name, values in columns.items():
+        got = table.column(name)
+        assert got.dtype.kind == values.dtype.kind
+        np.testing.assert_array_equal(got.ravel(), values)
+        assert got.shape == (COUNT,)
+
+
+@pytest.mark.parametrize("writer", ["netcdf3", "netcdf4"])
+def test_units_a_file_declares(tmp_path, columns, writer):
+    WRITERS[writer](tmp_path / "log.nc", columns)
+    table = open_table(tmp_path / "log.nc")
+    assert dict(zip(table.names, table.units, strict=True))["gx"] == "deg/s"
+
+
+def test_matrices_have_their_samples_along_the_longer_side(tmp_path, columns):
+    matrix = np.stack([columns["t"], columns["gx"], columns["gy"], columns["gz"]])
+    for name, value in (("wide", matrix), ("tall", matrix.T)):
+        savemat(tmp_path / f"{name}.mat", {"log": value})
+        np.testing.assert_array_equal(open_table(tmp_path / f"{name}.mat").column(2), matrix[2])
+        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
+            file["log"] = value
+        np.testing.assert_array_equal(open_table(tmp_path / f"{name}.h5").column(3), matrix[3])
+
+
+def test_several_tables_ask_which(tmp_path, columns):
+    path = tmp_path / "phone.db"
+    with sqlite3.connect(path) as database:
+        pandas.DataFrame(columns).to_sql("Gyroscope", database, index=False)
+        pandas.DataFrame(columns).head(100).to_sql("Accelerometer", database, index=False)
+        database.execute("CREATE VIEW both AS SELECT * FROM Gyroscope")
+    assert table_names(path) == ("Accelerometer", "Gyroscope")
+    with pytest.raises(InputError) as caught:
+        open_table(path)
+    assert str(caught.value) == (
+        'phone.db: holds 2 tables of samples — say which with table = "…"; '
+        "tables: 'Accelerometer', 'Gyroscope'"
+    )
+    assert len(open_table(path, table="Accelerometer").column("gx")) == 100
+    with pytest.raises(
+        InputError, match=r"phone.db: table 'both': there is no such table — tables: 'A"
+    ):
+        open_table(path, table="both")
+
+
+def test_nulls_are_nan_and_fill_values_too(tmp_path, columns):
+    values = [1, None, 3]
+    pyarrow.parquet.write_table(pyarrow.table({"x": values}), tmp_path / "a.parquet")
+    np.testing.assert_array_equal(open_table(tmp_path / "a.parquet").column("x"), [1, np.nan, 3])
+    with sqlite3.connect(tmp_path / "a.db") as database:
+        database.execute("CREATE TABLE a (x)")
+        database.executemany("INSERT INTO a VALUES (?)", [(v,) for v in values])
+    np.testing.assert_array_equal(open_table(tmp_path / "a.db").column("x"), [1, np.nan, 3])
+    for kind in ("NETCDF3_CLASSIC", "NETCDF4"):
+        with netCDF4.Dataset(tmp_path / "a.nc", "w", format=kind) as file:
+            file.createDimension("time", 3)
+            x = file.createVariable("x", "i2", ("time",), fill_value=-999)
+            x.scale_factor, x.add_offset = 0.5, 10.0
+            x[:] = np.ma.masked_array([10.5, 0, 11.5], mask=[0, 1, 0])
+        # Packed to 16 bits with a step of 0.5, which holds these values exactly.
+        np.testing.assert_array_equal(
+            open_table(tmp_path / "a.nc").column("x"), [10.5, np.nan, 11.5]
+        )
+
+
+def test_time_stamps_of_parquet(tmp_path):
+    moments = pandas.date_range("2024-05-01", periods=5, freq="10ms", tz="UTC")
+    pandas.DataFrame({"t": moments}).to_parquet(tmp_path / "a.parquet")
+    column = open_table(tmp_path / "a.parquet").column("t")
+    assert column.dtype == "datetime64[ns]"
+    assert (np.diff(column) == np.timedelta64(10, "ms")).all()
+
+
+MIXED = """
+[[recording]]
+sensor = "gyroscope"
+kind = "static"
+file = "phone.db"
+table = "Gyroscope"
+unit = "rad/s"
+columns = { time = "t", x = "x", y = "y", z = "z" }
+
+[[recording]]
+sensor = "accelerometer"
+kind = "static"
+file = "phone.db"
+table = "Accelerometer"
+unit = "m/s^2"
+columns = { time = "t", x = "x", y = "y", z = "z" }
+"""
+
+
+def test_mixed_rates_and_disorder_of_a_phone_recorder(folder, rng):
+    path = folder(MIXED)
+    gyro = pandas.DataFrame(rng.normal(size=(1000, 3)), columns=list("xyz")).assign(
+        t=np.arange(1000) / 200
+    )
+    gyro.loc[500, "t"] = gyro.loc[499, "t"]  # the same stamp twice
+    gyro.loc[[700, 701], "t"] = gyro.loc[[701, 700], "t"].to_numpy()  # and two in the wrong order
+    acc = pandas.DataFrame(rng.normal((0, 0, 9.8), size=(500, 3)), columns=list("xyz")).assign(
+        t=np.arange(500) / 100
+    )
+    with sqlite3.connect(path / "phone.db") as database:
+        gyro.to_sql("Gyroscope", database, index=False)
+        acc.to_sql("Accelerometer", database, index=False)
+    device = sensorbook.load(path)
+    # Rates to 1e-3: one stamp of a thousand is out of place.
+    assert device.gyroscope.static.rate == pytest.approx(200, rel=1e-3)
+    assert device.accelerometer.static.rate == pytest.approx(100, rel=1e-6)
+    kinds = {finding.kind for finding in device.gyroscope.static.findings}
+    assert {"duplicate", "backward"} <= kinds
+
+
+# ---- what cannot be read ----
+
+
+def refused(path, expected, **options):
+    def read():
+        table = open_table(path, **options)
+        table.parse(range(len(table.names)))
+
+    with pytest.raises(InputError) as caught:
+        read()
+    assert str(caught.value).startswith(expected)
+    assert len(caught.value.problems) == 1
+
+
+@pytest.mark.parametrize(("writer", "expected"), [
+    ("parquet", "log.dat: is a damaged Parquet file, or one that is cut off — save or copy it again"),
+    ("feather", "log.dat: is a damaged Feather file, or one that is cut off — save or copy it again"),
+    ("hdf5", "log.dat: is a damaged HDF5 file, or one that is cut off — save or copy it again"),
+    ("netcdf4", "log.dat: is a damaged HDF5 file, or one that is cut off — save or copy it again"),
+    ("netcdf3", "log.dat: is a damaged netCDF file, or one that is cut off — save or copy it again"),
+    ("matlab5", "log.dat: is cut off — copy it again"),
+    ("matlab5-compressed", "log.dat: is cut off — copy it again"),
+    ("sqlite", "log.dat: is cut off — copy it again"),
+])  # fmt: skip
+def test_a_file_that_ends_early_is_said_to(tmp_path, columns, writer, expected):
+    path = tmp_path / "log.dat"
+    WRITERS[writer](path, columns)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(0.7 * len(whole))])
+    refused(path, expected)
+
+
+def test_links_out_of_an_hdf5_file_are_not_followed(tmp_path, columns):
+    hdf5(tmp_path / "secret.h5", columns)
+    (tmp_path / "secret.bin").write_bytes(np.arange(COUNT, dtype="f8").tobytes())
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name in columns:
+            file[name] = h5py.ExternalLink("secret.h5", f"/{name}")
+        layout = h5py.VirtualLayout(shape=(COUNT,), dtype="f8")
+        layout[:] = h5py.VirtualSource(str(tmp_path / "secret.h5"), "gx", shape=(COUNT,))
+        file.create_virtual_dataset("v", layout)
+        file.create_dataset("e", shape=(COUNT,), dtype="f8",
+                            external=[(str(tmp_path / "secret.bin"), 0, 8 * COUNT)])  # fmt: skip
+    refused(tmp_path / "log.h5", "log.h5: holds no variables of samples — name another file")
+
+
+def test_declared_sizes_are_not_believed(tmp_path):
+    with h5py.File(tmp_path / "bomb.h5", "w") as file:
+        file.create_dataset("x", shape=(10**12,), dtype="f8", chunks=(10**6,), compression="gzip")
+    refused(tmp_path / "bomb.h5", "bomb.h5: variable 'x': holds more than 4 GiB — split it into")
+
+
+def test_a_compressed_matlab_bomb(tmp_path, monkeypatch):
+    monkeypatch.setattr("sensorbook.recordings.matlab.MAX_BYTES", 1 << 20)
+    savemat(tmp_path / "bomb.mat", {"x": np.zeros(1 << 20)}, do_compression=True)
+    assert (tmp_path / "bomb.mat").stat().st_size < 1 << 16
+    refused(tmp_path / "bomb.mat", "bomb.mat: holds more than")
+
+
+def test_pickles_in_hdf5_are_no_columns(tmp_path):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file.create_dataset(
+            "x", data=[b"cos\nsystem\n(S'id'\ntR."], dtype=h5py.special_dtype(vlen=bytes)
+        )
+        file["y"] = np.arange(5.0)
+    assert open_table(tmp_path / "log.h5").names == ("y",)
+
+
+def test_a_database_its_recorder_left_open(tmp_path):
+    path = tmp_path / "phone.db"
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA journal_mode = WAL")
+    database.execute("CREATE TABLE a (x)")
+    database.execute("INSERT INTO a VALUES (1)")
+    database.commit()
+    refused(
+        path, "phone.db: was not closed by its recorder: phone.db-wal holds more of it — open and"
+    )
+    database.close()
+
+
+def test_text_among_the_numbers_of_a_database_names_its_row(folder):
+    path = folder(MIXED)
+    with sqlite3.connect(path / "phone.db") as database:
+        for name in ("Gyroscope", "Accelerometer"):
+            database.execute(f"CREATE TABLE {name} (t, x, y, z)")
+            rows = [(k / 100, k % 7, k % 5, "oops" if k == 41 else k % 3) for k in range(300)]
+            database.executemany(f"INSERT INTO {name} VALUES (?, ?, ?, ?)", rows)
+    problems, _ = check(path)
+    assert {str(p) for p in problems} == {
+        "phone.db: column 'z', row 42: 'oops' is not a number — mend the row or leave the cell empty"
+    }
+
+
+def test_other_kinds_of_values_are_refused(tmp_path):
+    pyarrow.parquet.write_table(pyarrow.table({"x": [[1, 2], [3]]}), tmp_path / "a.parquet")
+    refused(
+        tmp_path / "a.parquet", "a.parquet: column 'x': holds list<element: int64> values — save"
+    )
+    savemat(tmp_path / "a.mat", {"x": np.arange(5) * 1j, "s": "text"})
+    refused(tmp_path / "a.mat", "a.mat: holds no variables of samples")
