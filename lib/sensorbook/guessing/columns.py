@@ -137,11 +137,18 @@ def _take_quaternion(columns: list[Column], roles: Roles) -> list[Column]:
             continue
         values = np.stack([c.values for c in four], axis=1)
         values = values[np.isfinite(values).all(axis=1)]
-        if len(values) > 10 and np.quantile(np.abs((values**2).sum(axis=1) - 1), 0.95) < 0.02:
+        if _unit_length(values) and not (
+            four is not named and (_unit_length(values[:, :3]) or _unit_length(values[:, 1:]))
+        ):  # gravity in g is of unit length, too, whatever small stands beside it
             roles.quaternion = four
             break
     roles.idle += [c for c in named if c not in roles.quaternion]
     return [c for c in columns if c not in roles.quaternion and c.named.role != "quaternion"]
+
+
+def _unit_length(values: np.ndarray) -> bool:
+    off = np.abs((values**2).sum(axis=1) - 1)
+    return len(off) > 10 and bool(np.quantile(off, 0.95) < 0.02)
 
 
 def _take_named(columns: list[Column], roles: Roles) -> list[Column]:

@@ -138,7 +138,7 @@ def _by_rotation(clock: Clock, triples: Sequence[Triple]) -> Clock:
             f"{clock.reason}; where the gyroscope reads {unit.unit}, gravity turns as it does at "
             f"{1 / step:.3g} Hz ± {percent:.0f} %"
         )
-        return Clock(None, "", float(f"{step:.3g}"), LOW, reason)
+        return Clock(None, "", 1 / float(f"{1 / step:.3g}"), LOW, reason)
     return clock
 
 

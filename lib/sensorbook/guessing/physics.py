@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation as Turn
 
 _LAGS = (1, 2, 4, 8, 16, 32)  # samples
 _PARTS = 8
+_MOST_TURNS = 20
 _LONGEST_TURN = 3000  # samples: a gyroscope's bias turns longer ones astray
 
 
@@ -102,7 +103,12 @@ def rotation_scale_between(
             turns.append((before, after, rate[middle:late]))
     if len(turns) < 4:
         return None
-    scales = near * np.exp(np.linspace(-0.3, 0.3, 61))
+    turns = turns[:: -(-len(turns) // _MOST_TURNS)]
+    coarse = near * np.exp(np.linspace(-0.3, 0.3, 16))
+    near = coarse[
+        np.median([[_miss(*turn, scale) for scale in coarse] for turn in turns], axis=0).argmin()
+    ]
+    scales = near * np.exp(np.linspace(-0.05, 0.05, 11))
     misses = np.array([[_miss(*turn, scale) for scale in scales] for turn in turns])
     still = np.array([((after - before) ** 2).sum() for before, after, _ in turns])
     # A turn that never fits was no turn in one piece: the median shields from it.
