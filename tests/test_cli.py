@@ -19,7 +19,9 @@ sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from throwaway import chapter, write_device, write_notebook
 
 
-@pytest.mark.parametrize("command", [(), ("report",), ("check",), ("new",), ("simulate",), ("export",)])
+@pytest.mark.parametrize(
+    "command", [(), ("report",), ("check",), ("new",), ("simulate",), ("export",)]
+)
 def test_every_help_has_an_example(command, capsys):
     assert cli.main([*command, "--help"]) == 0
     shown = capsys.readouterr().out

@@ -10,7 +10,7 @@ from bs4 import BeautifulSoup
 from throwaway import NASTY
 
 from sensorbook.notebook import MIME, escape
-from sensorbook.reporting import index, results
+from sensorbook.reporting import group, index, results
 from sensorbook.reporting.render import chapter_page, inert_html, mathml
 
 RECORD = {
@@ -253,6 +253,6 @@ def test_the_group_page_bears_what_others_left_in_the_folder(tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "results.json").write_text(text)
     (tmp_path / "link").symlink_to(tmp_path / "a")
-    soup = body(index.group_page(tmp_path))
+    soup = body(group.group_page(tmp_path))
     assert len(soup.tbody.find_all("tr")) == 3
     assert soup.get_text().count("cannot be read") == 3

@@ -1,4 +1,4 @@
-"""The summary pages: one of a device, one of all devices. They derive from files on disk alone."""
+"""The summary page of a device, which derives from files on disk alone."""
 
 from __future__ import annotations
 
@@ -60,73 +60,14 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
             chapters=listed,
             sensors=sensors,
             unjudged=sorted(
-                {(check["sensor"], _name(check["sensor"], check["quantity"])) for check in other}
+                {
+                    (check["sensor"], quantity_name(check["sensor"], check["quantity"]))
+                    for check in other
+                }
             ),
             inputs=[_input_row(recording) for recording in found["inputs"]],
         )
     )
-
-
-def group_page(root: Path) -> str:
-    """The index of all devices found below a report folder; those with a failure first."""
-    rows = []
-    for file in root.glob("*/results.json"):
-        if file.resolve() != file:
-            continue  # a link to elsewhere
-        try:
-            found = json.loads(file.read_text(encoding="utf-8"))
-            rows.append(_group_row(file.parent.name, found))
-        except (OSError, ValueError, KeyError, TypeError):
-            rows.append(_unreadable_row(file.parent.name))
-    order = {"failed": 0, "refused": 1, "complete": 2}
-    verdicts = {"fail": 0, "undecided": 1, "pass": 2, None: 2}
-    rows.sort(key=lambda r: (order[r["status"]], verdicts[r["verdict"]], r["folder"]))
-    shown = [s for s in units.SENSOR_UNITS if any(s in row["key_numbers"] for row in rows)]
-    columns = [
-        (sensor, _name(sensor, quantity), units.field_unit(sensor, quantity)[0], quantity)
-        for sensor in shown
-        for quantity in ("random_walk", "bias_instability")
-    ]
-    return environment().get_template("group.html.j2").render(rows=rows, columns=columns)
-
-
-def _group_row(folder: str, found: dict[str, Any]) -> dict[str, Any]:
-    statuses = {chapter["status"] for chapter in found["chapters"]}
-    if found["problems"]:
-        statuses.add("failed")
-    numbers = {
-        sensor: {
-            quantity: [_short(sensor, quantity, result["noise"][axis]) for axis in AXES]
-            for quantity in ("random_walk", "bias_instability")
-        }
-        for sensor, result in found["sensors"].items()
-        if "x" in result.get("noise", {})
-    }
-    return {
-        "folder": folder,
-        "id": found["device"]["id"],
-        "name": found["device"]["name"],
-        "status": next((s for s in ("failed", "refused") if s in statuses), "complete"),
-        "empty": not found["chapters"],
-        "verdict": overall(found["checks"]),
-        "symbol": SYMBOLS[overall(found["checks"])],
-        "key_numbers": numbers,
-        "created": found["created"],
-    }
-
-
-def _unreadable_row(folder: str) -> dict[str, Any]:
-    return {
-        "folder": folder,
-        "id": folder,
-        "name": "its results.json cannot be read: render it again",
-        "status": "failed",
-        "empty": False,
-        "verdict": None,
-        "symbol": "",
-        "key_numbers": {},
-        "created": "",
-    }
 
 
 def _banner(found: dict[str, Any]) -> dict[str, Any]:
@@ -139,7 +80,7 @@ def _banner(found: dict[str, Any]) -> dict[str, Any]:
         axes: dict[str, list[str]] = {}
         for c in checks:
             if c["verdict"] == kind:
-                name = _name(c["sensor"], c["quantity"])
+                name = quantity_name(c["sensor"], c["quantity"])
                 what = f"{c['sensor']} {name[0].lower()}{name[1:]}"
                 axes.setdefault(what, []).append(c["axis"])
         if axes:
@@ -171,7 +112,7 @@ def _noise_rows(
     wanted = (*shown, *(quantity for quantity in limited if quantity not in shown))
     rows = []
     for quantity in wanted:
-        label, scale = _field_unit(sensor, quantity)
+        label, scale = quantity_unit(sensor, quantity)
         cells = []
         for axis in AXES:
             verdicts = [c for c in mine if c["quantity"] == quantity and c["axis"] == axis]
@@ -188,7 +129,7 @@ def _noise_rows(
         )
         rows.append(
             {
-                "name": _name(sensor, quantity),
+                "name": quantity_name(sensor, quantity),
                 "unit": label,
                 "cells": cells,
                 "limit": ", ".join(limits),
@@ -248,17 +189,8 @@ def interval(value: float, low: float, high: float) -> tuple[str, str, str]:
     return tuple(texts)
 
 
-def _short(sensor: str, quantity: str, noise: dict) -> str:
-    entry = noise.get(quantity)
-    scale = _field_unit(sensor, quantity)[1]
-    if entry is not None:
-        return f"{entry['value'] / scale:.3g}"
-    bound = noise.get("upper_bounds", {}).get(quantity)
-    return "–" if bound is None else f"< {bound / scale:.2g}"
-
-
 def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
-    label, scale = _field_unit(sensor, "rms_before")
+    label, scale = quantity_unit(sensor, "rms_before")
     rows = []
     for axis in AXES:
         if not isinstance(found := thermal.get(axis), dict):
@@ -320,10 +252,12 @@ def _thumbnail(notebook: Path) -> str | None:
     return None
 
 
-def _name(sensor: str, quantity: str) -> str:
+def quantity_name(sensor: str, quantity: str) -> str:
+    """As the field calls it, such as "Angle random walk N"."""
     plain = quantity.replace("_", " ").capitalize()
     return SENSOR_NAMES.get((sensor, quantity)) or NAMES.get(quantity, plain)
 
 
-def _field_unit(sensor: str, quantity: str) -> tuple[str, float]:
+def quantity_unit(sensor: str, quantity: str) -> tuple[str, float]:
+    """The field's unit and how much SI one is."""
     return ("%", 1.0) if quantity.endswith("_percent") else units.field_unit(sensor, quantity)

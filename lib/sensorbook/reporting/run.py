@@ -22,7 +22,7 @@ import nbformat
 import sensorbook
 from sensorbook.errors import InputError
 from sensorbook.guessing import guess_rows, told
-from sensorbook.reporting import chapters, execute, index, render, results
+from sensorbook.reporting import chapters, execute, group, index, render, results
 from sensorbook.reporting.chapters import Chapter
 from sensorbook.reporting.tree import Tree
 
@@ -156,7 +156,7 @@ def _run(
     for device in ready:
         _finish(device, tree)
         said.line(f"{out / device.id / 'index.html'}")
-    tree.write(tree.root / "index.html", index.group_page(tree.root))
+    tree.write(tree.root / "index.html", group.group_page(tree.root))
     said.line(f"{out / 'index.html'}")
 
 

@@ -1,0 +1,361 @@
+"""The page of all devices of a report folder: what needs attention, how they spread, and a table.
+
+It derives from the results.json files alone. Ten thousand devices are to fit into 5 MB, so that a row
+holds as little markup as HTML allows.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from markupsafe import Markup
+
+from sensorbook import units
+from sensorbook.reporting.index import SYMBOLS, quantity_name, quantity_unit
+from sensorbook.reporting.render import TEMPLATES, environment
+from sensorbook.reporting.results import AXES, overall
+
+LARGEST = 64 << 20  # bytes of a results.json that is read
+USUAL = ("random_walk", "bias_instability")  # always shown; others where they are judged
+CHECKED = ("rms_check", "residual_percent_check")  # of a calibration
+LISTED = 50  # devices named above the table
+FEWEST = 8  # devices of one model whose spread means something
+OUTLYING = 5.0  # robust standard deviations
+BINS = 24
+
+Column = tuple[str, str]  # sensor, quantity
+
+
+@dataclass
+class Value:
+    """A device's worst axis of one quantity, in the field's unit; `error` is of its logarithm."""
+
+    number: float
+    axis: str = ""
+    error: float = 0.0
+    verdict: str | None = None
+    bound: str = ""  # "≤ 0.3" where it is judged
+
+
+@dataclass
+class Row:
+    """One device."""
+
+    folder: str
+    id: str
+    name: str
+    model: str = ""
+    status: str = "failed"
+    verdict: str | None = None
+    created: str = ""
+    values: dict[Column, Value] = field(default_factory=dict)
+    reasons: list[str] = field(default_factory=list)
+    outlying: list[str] = field(default_factory=list)
+
+    @property
+    def order(self) -> tuple:
+        """Failures first."""
+        status = {"failed": 0, "refused": 1, "empty": 2, "complete": 2}[self.status]
+        verdict = {"fail": 0, "undecided": 1, "pass": 2, None: 2}[self.verdict]
+        return (min(status * 2, verdict * 2 + 1), status, self.folder)
+
+    @property
+    def attention(self) -> bool:
+        return self.status in ("failed", "refused") or self.verdict in ("fail", "undecided")
+
+
+def group_page(root: Path) -> str:
+    """The page of all devices found below a report folder; those with a failure first."""
+    rows = [_row(file) for file in root.glob("*/results.json") if file.resolve() == file]
+    rows.sort(key=lambda row: row.order)
+    columns = _columns(rows)
+    # Rows are in order of need: models come as their worst device does.
+    names = dict.fromkeys(row.model for row in rows)
+    models = [(model, [row for row in rows if row.model == model]) for model in names]
+    spreads = [
+        (model, found)
+        for model, members in models
+        if (found := [s for c in columns if (s := _spread(members, c)) is not None])
+    ]
+    script = (TEMPLATES / "group.js").read_text(encoding="utf-8")
+    attention = [row for row in rows if row.attention]
+    outliers = [row for row in rows if row.outlying and not row.attention]
+    return (
+        environment()
+        .get_template("group.html.j2")
+        .render(
+            summary=_summary(rows),
+            attention=attention[:LISTED],
+            more=len(attention) - LISTED,
+            outliers=outliers[:LISTED],
+            more_outliers=len(outliers) - LISTED,
+            spreads=spreads,
+            models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
+                    for model, members in models],
+            several=len(models) > 1 or bool(models and models[0][0]),
+            columns=[(*c, quantity_name(*c), quantity_unit(*c)[0]) for c in columns],
+            count=len(rows),
+            script=Markup(script),
+            hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+            group_style=Markup((TEMPLATES / "group.css").read_text(encoding="utf-8")),
+        )
+    )  # fmt: skip
+
+
+# ---- from a results.json to a row ----
+
+
+def _row(file: Path) -> Row:
+    folder = file.parent.name
+    try:
+        if file.stat().st_size > LARGEST:
+            raise ValueError
+        found = json.loads(file.read_bytes())
+        return _read(folder, found)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        row = Row(folder, folder, "")
+        row.reasons = ["its results.json cannot be read: render it again"]
+        return row
+
+
+def _read(folder: str, found: dict[str, Any]) -> Row:
+    device = found["device"]
+    statuses = {str(chapter["status"]) for chapter in found["chapters"]}
+    failed = "failed" in statuses or bool(found["problems"])
+    status = "failed" if failed else "refused" if "refused" in statuses else "complete"
+    row = Row(
+        folder,
+        str(device["id"]),
+        str(device["name"] or ""),
+        str(device.get("model") or ""),
+        status if found["chapters"] or failed else "empty",
+        overall(found["checks"]),
+        str(found["created"])[:10],
+    )
+    if row.verdict not in SYMBOLS:
+        raise ValueError
+    for sensor, result in found["sensors"].items():
+        for quantity in USUAL:
+            _take_noise(row, str(sensor), quantity, result.get("noise", {}))
+        calibration = result.get("calibration")
+        for quantity in CHECKED:
+            if isinstance(calibration, dict) and _finite(calibration.get(quantity)):
+                scale = _scale(str(sensor), quantity)
+                row.values[str(sensor), quantity] = Value(calibration[quantity] / scale)
+    for check in found["checks"]:
+        _take_check(row, check)
+    row.reasons += _reasons(row, found)
+    return row
+
+
+def _take_noise(row: Row, sensor: str, quantity: str, noise: dict[str, Any]) -> None:
+    """The largest of the axes."""
+    entries = [
+        (axis, noise[axis].get(quantity)) for axis in AXES if isinstance(noise.get(axis), dict)
+    ]
+    known = [
+        (e["value"], axis, e) for axis, e in entries if isinstance(e, dict) and _finite(e["value"])
+    ]
+    if known:
+        value, axis, entry = max(known, key=lambda k: k[0])
+        error = _error(entry["low"], entry["high"])
+        row.values[sensor, quantity] = Value(value / _scale(sensor, quantity), axis, error)
+
+
+def _take_check(row: Row, check: dict[str, Any]) -> None:
+    """Of the axes' checks the one that comes out worst stands for the device."""
+    sensor, quantity = str(check["sensor"]), str(check["quantity"])
+    scale = _scale(sensor, quantity)
+    key = (sensor, quantity)
+    sign = "≤" if check["bound"] == "max" else "≥"
+    bound = f"{sign} {check['limit'] / scale:.4g}"
+    value = check["value"] if _finite(check["value"]) else None
+    rank = {"fail": 2, "undecided": 1, "pass": 0}
+    there = row.values.get(key)
+    excess = -math.inf if value is None else (value if sign == "≤" else -value)
+    if there is not None and there.verdict is not None:
+        mine = there.number if sign == "≤" else -there.number
+        if (rank[there.verdict], mine) >= (rank[check["verdict"]], excess / scale):
+            return
+    number = math.nan if value is None else value / scale
+    error = _error(check["low"], check["high"]) if value else 0.0
+    row.values[key] = Value(number, str(check["axis"]), error, str(check["verdict"]), bound)
+
+
+def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
+    """Why a device needs attention, in words."""
+    for (sensor, quantity), value in row.values.items():
+        if value.verdict in ("fail", "undecided"):
+            name, unit = quantity_name(sensor, quantity), quantity_unit(sensor, quantity)[0]
+            word = "" if value.verdict == "fail" else "undecided: "
+            number = "no result" if math.isnan(value.number) else f"{value.number:.3g}"
+            yield (f"{word}{sensor} {name[0].lower()}{name[1:]} {value.axis} {number}, "
+                   f"limit {value.bound} {unit}")  # fmt: skip
+    yield from (str(problem) for problem in found["problems"][:3])
+    for status in ("failed", "refused"):
+        for chapter in [c for c in found["chapters"] if c["status"] == status][:2]:
+            reason = (str(chapter.get("reason") or "").splitlines() or [""])[0]
+            yield f"{chapter['sensor']} {str(chapter['title']).lower()} {status}: {reason}"
+
+
+def _error(low: Any, high: Any) -> float:
+    """Standard error of the logarithm from a 95 % interval."""
+    if not (_finite(low) and _finite(high)) or low <= 0 or high <= low:
+        return 0.0
+    return math.log(high / low) / (2 * 1.96)
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
+
+
+def _scale(sensor: str, quantity: str) -> float:
+    try:
+        return quantity_unit(sensor, quantity)[1]
+    except units.UnitError:
+        raise ValueError from None
+
+
+def _columns(rows: Sequence[Row]) -> list[Column]:
+    """Every quantity that some device has, sensors and quantities in their usual order."""
+    there = {key for row in rows for key in row.values}
+    return [
+        (sensor, quantity)
+        for sensor in units.SENSOR_UNITS
+        for quantity in dict.fromkeys((*USUAL, *sorted(q for s, q in there if s == sensor)))
+        if (sensor, quantity) in there
+    ]
+
+
+# ---- among devices of one model ----
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How one quantity is distributed over the devices of a model."""
+
+    title: str
+    text: str
+    svg: Markup
+
+
+def _spread(members: Sequence[Row], column: Column) -> Spread | None:
+    """The distribution of a quantity; names what lies far out. None for too few devices."""
+    known = [(row, row.values[column]) for row in members if column in row.values]
+    known = [(row, v) for row, v in known if v.number > 0 and math.isfinite(v.number)]
+    if len(known) < FEWEST:
+        return None
+    logs = np.log([v.number for _, v in known])
+    middle = float(np.median(logs))
+    robust = 1.4826 * float(np.median(np.abs(logs - middle)))
+    name, unit = quantity_name(*column), quantity_unit(*column)[0]
+    far = []
+    for (row, value), log in zip(known, logs, strict=True):
+        scale = math.hypot(robust, value.error)
+        if scale and abs(log - middle) > OUTLYING * scale:
+            far.append(log)
+            side = "above" if log > middle else "below"
+            row.outlying.append(
+                f"{column[0]} {name[0].lower()}{name[1:]} {value.number:.3g} {unit}, "
+                f"{abs(log - middle) / scale:.0f} robust standard deviations {side} the median "
+                f"{math.exp(middle):.3g}"
+            )
+    bounds = sorted({v.bound for _, v in known if v.bound})
+    limits = [float(bound.split()[1]) for bound in bounds]
+    low, high = np.exp([logs.min(), logs.max()])
+    title = f"{column[0].capitalize()}: {name[0].lower()}{name[1:]}"
+    text = (
+        f"{len(known)} devices, median {math.exp(middle):.3g} {unit}, from {low:.3g} to {high:.3g}"
+        + (f"; limit {', '.join(bounds)}" if bounds else "")
+        + (f"; {len(far)} outlying" if far else "")
+    )
+    return Spread(
+        title,
+        text,
+        _histogram(logs, far, [math.log(x) for x in limits if x > 0], f"{title}. {text}"),
+    )
+
+
+def _histogram(
+    logs: np.ndarray, far: Sequence[float], limits: Sequence[float], text: str
+) -> Markup:
+    """Counts on a logarithmic axis as SVG: bars, limits as dashed lines, outliers as triangles."""
+    low, high = (float(f((*logs, *limits))) for f in (min, max))
+    span = (high - low) or 0.1
+    low, high = low - 0.04 * span, high + 0.04 * span
+    counts, _ = np.histogram(logs, BINS, (low, high))
+    width, height = 320, 74
+
+    def across(x: float) -> float:
+        return round(width * (x - low) / (high - low), 1)
+
+    step = width / BINS
+    bars = "".join(
+        f"M{k * step + 0.5:.1f} {height - 10}v-{max(1.0, 52 * n / counts.max()):.1f}h{step - 1:.1f}"
+        f"v{max(1.0, 52 * n / counts.max()):.1f}z"
+        for k, n in enumerate(counts) if n
+    )  # fmt: skip
+    marks = "".join(f"M{across(x)} 2v{height - 12}" for x in limits)
+    tips = "".join(f"M{across(x) - 3} {height - 1}h6l-3 -6z" for x in far[:500])
+    return Markup(
+        '<svg viewBox="0 0 {w} {h}" role="img" aria-label="{text}"><path class="bars" d="{bars}"/>'
+        '<path class="axis" d="M0 {base}h{w}"/><path class="limit" d="{marks}"/>'
+        '<path class="far" d="{tips}"/></svg>'
+    ).format(w=width, h=height, base=height - 10, text=text, bars=bars, marks=marks, tips=tips)
+
+
+# ---- words and cells ----
+
+
+def _summary(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """Counts in words, each with the class of its colour; only what there is."""
+    counted = [
+        ("pass", "✓ {} pass", sum(r.verdict == "pass" for r in rows)),
+        ("fail", "✗ {} fail", sum(r.verdict == "fail" for r in rows)),
+        ("undecided", "? {} undecided", sum(r.verdict == "undecided" for r in rows)),
+        (
+            "soft",
+            "{} without limits",
+            sum(r.verdict is None and r.status != "failed" for r in rows),
+        ),
+        ("fail", "✗ {} with a failed chapter", sum(r.status == "failed" for r in rows)),
+        ("undecided", "{} partly refused", sum(r.status == "refused" for r in rows)),
+    ]
+    return [(kind, words.format(count)) for kind, words, count in counted if count]
+
+
+def _table_row(row: Row, columns: Sequence[Column]) -> Markup:
+    """One row; end tags that HTML lets out are left out."""
+    report = {
+        "failed": "✗ failed",
+        "refused": "partly refused",
+        "complete": "complete",
+        "empty": "–",
+    }
+    kind = {"failed": " class=fail", "refused": " class=undecided"}.get(row.status, "")
+    verdict = "–"
+    if row.verdict:
+        verdict = Markup("<b class={0}>{1} {0}</b>").format(row.verdict, SYMBOLS[row.verdict])
+    name = Markup(" <i>{}</i>").format(row.name) if row.name and row.name != row.id else ""
+    return Markup("<tr><th scope=row><a href='{}/index.html'>{}</a>{}<td{}>{}<td>{}{}<td>{}\n").format(
+        quote(row.folder), row.id, name, Markup(kind), report[row.status], verdict,
+        Markup("").join(_cell(row.values.get(column)) for column in columns), row.created,
+    )  # fmt: skip
+
+
+def _cell(value: Value | None) -> Markup:
+    if value is None:
+        return Markup("<td>–")
+    number = "–" if math.isnan(value.number) else f"{value.number:.3g}"
+    mark = f" {SYMBOLS[value.verdict]}" if value.verdict in ("fail", "undecided") else ""
+    kind = Markup(f" class={value.verdict}") if mark else ""
+    return Markup("<td{}>{} {}{}").format(kind, number, value.axis, mark)
