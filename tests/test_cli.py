@@ -20,7 +20,7 @@ from throwaway import chapter, write_device, write_notebook
 
 
 @pytest.mark.parametrize(
-    "command", [(), ("report",), ("check",), ("new",), ("simulate",), ("export",)]
+    "command", [(), ("report",), ("check",), ("new",), ("simulate",), ("export",), ("compare",)]
 )
 def test_every_help_has_an_example(command, capsys):
     assert cli.main([*command, "--help"]) == 0

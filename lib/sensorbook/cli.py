@@ -13,7 +13,8 @@ from sensorbook import InputError, __version__
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs one command; returns the exit code: 0 done, 1 something failed, 2 usage, 130 stopped."""
+    """Runs one command; returns the exit code: 0 done, 1 something failed, 2 usage, 3 gate, 130
+    stopped."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # a file's name may hold anything
@@ -63,6 +64,8 @@ def _report(arguments: argparse.Namespace) -> int:
         jobs=arguments.jobs,
         only=arguments.only or (),
         debug=arguments.debug,
+        gated=arguments.gate,
+        junit_file=arguments.junit,
     )
 
 
@@ -135,6 +138,27 @@ def _export(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _compare(arguments: argparse.Namespace) -> int:
+    from sensorbook.compare import compare, table
+    from sensorbook.export.source import read_results
+
+    if len(arguments.results) < 2:
+        print("sensorbook compare: name two results.json or more", file=sys.stderr)
+        return 2
+    results, problems = [], []
+    for path in arguments.results:
+        try:
+            results.append(read_results(path))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(*problems)
+    for comparison in compare(results):
+        for line in table(comparison):
+            print(line)
+    return 0
+
+
 def _parser() -> argparse.ArgumentParser:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -175,6 +199,14 @@ def _parser() -> argparse.ArgumentParser:
     report.add_argument("--only", nargs="+", metavar="CHAPTER", help="these chapters alone")
     report.add_argument(
         "--force", action="store_true", help="render what is up to date, too (as every run does)"
+    )
+    report.add_argument(
+        "--gate",
+        action="store_true",
+        help="exit 3 when a limit of [spec] is failed or cannot be decided, or none is given",
+    )
+    report.add_argument(
+        "--junit", metavar="FILE", help="write JUnit XML: a test case a chapter and a limit"
     )
 
     check = command(
@@ -223,6 +255,16 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument(
         "-o", "--output", metavar="FILE", help="file to write; default: standard output"
     )
+    compare = command(
+        "compare",
+        _compare,
+        "compare results of one device over time, or of several devices, in standard errors",
+        "sensorbook compare 2024/imu-7/results.json 2025/imu-7/results.json",
+    )
+    compare.add_argument(
+        "results", nargs="+", metavar="RESULTS.json", help="two or more; of one device the earliest, "
+        "else the first, is the reference"
+    )  # fmt: skip
     return parser
 
 

@@ -24,6 +24,8 @@ from sensorbook.errors import InputError
 from sensorbook.guessing import guess_rows, told
 from sensorbook.reporting import chapters, execute, group, index, render, results
 from sensorbook.reporting.chapters import Chapter
+from sensorbook.reporting.gate import gate
+from sensorbook.reporting.junit import junit_xml
 from sensorbook.reporting.tree import Tree
 
 
@@ -33,25 +35,58 @@ def report(
     jobs: int | None = None,
     only: Iterable[str] = (),
     debug: bool = False,
+    gated: bool = False,
+    junit_file: str | None = None,
     stdout: TextIO | None = None,
     stderr: TextIO | None = None,
 ) -> int:
-    """Renders the reports of device folders into `out`; returns the exit code, 0 or 1."""
+    """Renders the reports of device folders and bare recordings into `out`; returns the exit code.
+
+    0 is done, 1 that something failed, 3 that `gated` devices fail a limit or cannot be judged.
+    `junit_file` is written at the end, whatever the outcome.
+    """
     said = _Said(stdout or sys.stdout, stderr or sys.stderr, debug)
-    devices = [device for path in paths if (device := _open(Path(path), said)) is not None]
+    if junit_file and (
+        Path(junit_file).is_dir() or not Path(junit_file).absolute().parent.is_dir()
+    ):
+        said.problem(f"{junit_file}: cannot be written — name a file in a folder that is there")
+        return 1
+    devices: list[_Device] = []
+    unread: list[str] = []
+    for path in paths:
+        before = len(said.problems)
+        if (device := _open(Path(path), said)) is None:
+            unread += said.problems[before:]
+        else:
+            devices.append(device)
     for device in devices:
         same = [str(other.path) for other in devices if other.id == device.id]
         if len(same) > 1:
             said.problem(f'{" and ".join(same)} have the same id "{device.id}": give each its own')
             return 1
-    if not devices:
-        return 1
+    found: list[dict[str, Any]] = []
     try:
-        with Tree(out) as tree:
-            _run(devices, tree, Path(out), jobs or os.cpu_count() or 1, set(only), said)
+        if devices:
+            with Tree(out) as tree:
+                found = _run(devices, tree, Path(out), jobs or os.cpu_count() or 1, set(only), said)
+        if junit_file:
+            _write(Path(junit_file), junit_xml(found, said.seconds, unread))
     except OSError as error:
         said.problem(f"{error.filename}: {error.strerror}" if error.strerror else str(error))
-    return 1 if said.problems else 0
+    stopped = [line for device in found for line in gate(device)] if gated else []
+    for line in stopped:
+        print(line, file=said.stderr, flush=True)
+    return 1 if said.problems else 3 if stopped else 0
+
+
+def _write(path: Path, text: str) -> None:
+    """Writes a file aside, then moves it to its place."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
@@ -75,6 +110,7 @@ class _Said:
         self.stdout, self.stderr, self.debug = stdout, stderr, debug
         self.problems: list[str] = []
         self.total = self.done = 0
+        self.seconds: dict[tuple[str, str, str], float] = {}  # by device, sensor, chapter
         self._lock = threading.Lock()
 
     def line(self, text: str) -> None:
@@ -134,7 +170,8 @@ def _declared_id(declaration: Path) -> str:
 
 def _run(
     devices: list[_Device], tree: Tree, out: Path, jobs: int, only: set[str], said: _Said
-) -> None:
+) -> list[dict[str, Any]]:
+    """Renders everything; returns the results of each device that has a place for its report."""
     ready = [device for device in devices if _has_place(device, tree, said)]
     planned = []
     for device in ready:
@@ -153,11 +190,13 @@ def _run(
             pool.shutdown(wait=False, cancel_futures=True)
             execute.stop_kernels()
             raise
+    found = []
     for device in ready:
-        _finish(device, tree)
+        found.append(_finish(device, tree))
         said.line(f"{out / device.id / 'index.html'}")
     tree.write(tree.root / "index.html", group.group_page(tree.root))
     said.line(f"{out / 'index.html'}")
+    return found
 
 
 def _has_place(device: _Device, tree: Tree, said: _Said) -> bool:
@@ -184,8 +223,8 @@ def _work(
         status = _chapter(device, sensor, chapter, tree, out, said)
         if execute.stopped():
             return
-        name = f"{device.id} {sensor}/{chapter.slug}"
-        said.chapter(name, status, time.monotonic() - began)
+        took = said.seconds[device.id, sensor, chapter.slug] = time.monotonic() - began
+        said.chapter(f"{device.id} {sensor}/{chapter.slug}", status, took)
 
 
 def _chapter(
@@ -230,7 +269,7 @@ def _chapter(
     return outcome.status
 
 
-def _finish(device: _Device, tree: Tree) -> None:
+def _finish(device: _Device, tree: Tree) -> dict[str, Any]:
     """Writes what derives from the chapters' files: results.json and the device's index."""
     folder = tree.root / device.id
     for sensor in results.sensors():
@@ -244,3 +283,4 @@ def _finish(device: _Device, tree: Tree) -> None:
     )
     tree.write(folder / "results.json", results.dumps(found))
     tree.write(folder / "index.html", index.device_page(found, folder))
+    return found
