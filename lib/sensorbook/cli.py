@@ -81,6 +81,7 @@ def _check(arguments: argparse.Namespace) -> int:
         prefix = f"{path}: " if len(arguments.paths) > 1 else ""
         for problem in problems:
             print(f"{prefix}{problem}", file=sys.stderr)
+        findings = [*findings, *(device.advice() if device else ())]
         for finding in findings:
             print(f"{prefix}warning: {finding}")
         if not problems:

@@ -49,7 +49,12 @@ def load(folder: str, sensor: str, kind: str) -> tuple[sensorbook.Device, tuple]
         )
     inputs = [run.provenance() for run in runs]
     found = [
-        {"file": f.file, "message": f"{f.where}: {f.message}"} for run in runs for f in run.findings
+        {
+            "file": f.file,
+            "message": f"{f.where}: {f.message}" + (f": {f.remedy}" if f.remedy else ""),
+        }
+        for run in runs
+        for f in run.findings
     ]
     about = {
         "device": {

@@ -112,10 +112,10 @@ def _guesses(recording: Recording) -> tuple[Finding, ...]:
         "low": "is a guess of low certainty",
         "not known": "is not known, and no result follows without it",
     }
-    mend = f"give it in {FILE}, and delete it from `guessed`"
+    remedy = f"give it in {FILE}, and delete it from `guessed`"
     return tuple(
         Finding(recording.file, recording.sensor, "guessed",
-                f"its {key.replace('_', ' ')} {said[sure]}: {mend}")
+                f"its {key.replace('_', ' ')} {said[sure]}", remedy)
         for key, sure in recording.declaration.get("guessed", {}).items()
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
+from sensorbook.recordings.advice import advise, with_remedies
 from sensorbook.recordings.assemble import read_recording
 from sensorbook.recordings.companions import with_shared_shocks, with_temperature
 from sensorbook.recordings.images import Images, read_images
@@ -182,8 +183,23 @@ class Device:
         """Every problem and finding of the recordings."""
         read = [self._get(d) for d in self.declared]
         problems = [p for r in read if isinstance(r, InputError) for p in r.problems]
-        findings = [f for r in read if not isinstance(r, InputError) for f in r.findings]
+        findings = [
+            finding
+            for r in read
+            if not isinstance(r, InputError)
+            for finding in with_remedies(r.findings)
+        ]
         return list(dict.fromkeys(problems)), list(dict.fromkeys(findings))
+
+    def advice(self) -> list[Finding]:
+        """What could be recorded better, of every recording that is readable."""
+        read = [self._get(d) for d in self.declared]
+        return [
+            finding
+            for recording in read
+            if isinstance(recording, Recording)
+            for finding in advise(recording, "thermal" in self.kinds(recording.sensor))
+        ]
 
     def __getattr__(self, name: str) -> Sensor:
         if name.startswith("_") or "declared" not in self.__dict__:

@@ -25,18 +25,21 @@ class Finding:
     file : name of the file, relative to the device folder
     where : sensor, column or time range
     kind : 'gap', 'duplicate', 'backward', 'nan', 'saturated', 'spike', 'resolution', 'rate', 'unit',
-        'temperature'
+        'temperature', 'guessed'; of `check` alone: 'short', 'moved', 'coverage'
     message : what was found, with its figures
+    remedy : the better recording to make, or what to mend
     """
 
     file: str
     where: str
     kind: str
     message: str
+    remedy: str = ""
 
     def __str__(self) -> str:
         place = f"{self.file}: {self.where}" if self.where else self.file
-        return "".join(c if c.isprintable() else " " for c in f"{place}: {self.message}")
+        remedy = f" — {self.remedy}" if self.remedy else ""
+        return "".join(c if c.isprintable() else " " for c in f"{place}: {self.message}{remedy}")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,191 @@
+"""What will weaken a result though the recording is readable, and the better recording to make.
+
+For `sensorbook check`: the chapters measure such things themselves and say what followed from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from sensorbook.guessing.motion import Blocks, of_field
+from sensorbook.guessing.physics import fit_sphere
+from sensorbook.recordings.recording import Finding, Recording
+from sensorbook.units import SENSOR_UNITS, field_unit
+
+FEWEST = 1000  # samples that the noise chapters need
+SLOW_STATIC = 10.0  # Hz; below, white noise and quantization fall into one slope
+SLOW_POSITIONS = 20.0  # Hz; a motion between rests lasts some tenths of a second
+COARSE_TURN = np.radians(2.0)  # rms from sample to sample; coning errors grow with its square
+DRIFT = 1.0  # °C in a rest: at a usual 0.01 deg/s/°C more than a good MEMS' bias instability
+SWEEP = 5.0  # °C: less does not determine a thermal model
+SWIFT = 1.0  # °C/min: the die lags the housing, and heating and cooling part
+MOVED = np.radians(1.0)  # rad/s, far beyond any bias that wanders at rest
+
+
+def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding, ...]:
+    """Findings on what could have been recorded better.
+
+    Parameters
+    ----------
+    recording : as read
+    calibrates_temperature : True where the device has a thermal recording of this sensor
+    """
+    found: list[Finding] = []
+
+    def say(kind: str, message: str, remedy: str) -> None:
+        found.append(Finding(recording.file, recording.sensor, kind, message, remedy))
+
+    if recording.sensor not in SENSOR_UNITS or (
+        recording.rate is None and recording.kind != "rotation"
+    ):
+        return ()
+    values = recording.values[np.isfinite(recording.values).all(axis=1)]
+    if len(values) < 200:
+        return ()
+    if recording.kind in ("static", "thermal"):
+        _moved(recording.sensor, values, say)
+    if recording.kind == "static":
+        _rest(recording, values, calibrates_temperature, say)
+    elif recording.kind == "thermal":
+        _sweep(recording, say)
+    elif recording.kind == "rotation":
+        _coverage(values, say)
+    elif recording.kind == "positions" and recording.rate < SLOW_POSITIONS:
+        say("rate", f"sampled at {recording.rate:.3g} Hz, its motions between rests are hardly seen",
+            f"record positions at {SLOW_POSITIONS:g} Hz or more")  # fmt: skip
+    elif recording.kind == "trajectory" and recording.sensor == "gyroscope":
+        turn = float(np.sqrt((values**2).sum(axis=1).mean())) / recording.rate
+        if turn > COARSE_TURN:
+            needed = recording.rate * turn / COARSE_TURN
+            say(
+                "rate",
+                f"turns by {np.degrees(turn):.1f}° rms from sample to sample: coning makes its integral "
+                "drift",
+                f"record at {needed:.0f} Hz or more, or move it more slowly",
+            )
+    return tuple(found)
+
+
+Say = Callable[[str, str, str], None]
+
+
+def _moved(sensor: str, values: np.ndarray, say: Say) -> None:
+    remedy = "fasten it, record again, or declare the kind of recording that it is"
+    if sensor == "gyroscope":
+        means = Blocks.of(values).means
+        away = np.quantile(np.linalg.norm(means - np.median(means, axis=0), axis=1), 0.98)
+        if away > MOVED:
+            say("moved", f"turns at up to {np.degrees(away):.2g}°/s though it is to rest", remedy)
+        return
+    motion = of_field(values)
+    if not motion.still:
+        say("moved", f"changes its direction by {motion.turn:.2g}° though it is to rest", remedy)
+
+
+def _rest(recording: Recording, values: np.ndarray, calibrates_temperature: bool, say: Say) -> None:
+    longer = "rest it for an hour or more"
+    if len(values) < FEWEST:
+        say("short", f"holds {len(values)} samples, and its noise needs {FEWEST}", longer)
+        return
+    if recording.rate < SLOW_STATIC:
+        say("rate", f"sampled at {recording.rate:.3g} Hz, noise above {recording.rate / 2:.3g} Hz is "
+                    "folded into what is stated as white",
+            "record at twice the sensor's bandwidth, and at 10 Hz at least")  # fmt: skip
+    elif limits := _unseen(recording, values):
+        say("short", limits, "rest it longer: four times as long shows half the bias instability, "
+            "twice as long half the random walk; 2 h and more are usual")  # fmt: skip
+    drift = _span(recording.temperature)
+    if drift > DRIFT and not calibrates_temperature:
+        say("temperature", f"the temperature moves by {drift:.1f} °C during this rest: slow noise may be "
+                           "thermal", "let it warm up for an hour in a steady place, or add a sweep as "
+                                      "kind thermal, which takes it out")  # fmt: skip
+
+
+def _unseen(recording: Recording, values: np.ndarray) -> str:
+    """Which slow noise this rest is too short to show; "" where it shows its own.
+
+    The Allan deviation of a rest that is long enough leaves the slope of white noise, N/√τ, before τ
+    reaches a ninth of its length. Where it does not, B shows only beyond N/(0.664 √τ) and K only
+    beyond √3 N/τ there (0.664: √(2 ln 2/π), IEEE Std 952-2020, annex C).
+    """
+    from sensorbook.noise import allan_deviation
+
+    clusters = np.array([len(values) // 90, len(values) // 9])
+    early, late = allan_deviation(values, recording.rate, clusters=clusters).deviation
+    if not (early > 0).all():
+        return ""
+    # 1 for white noise, √10 for a floor; the median of three axes errs by a sixth.
+    if np.median(late / early) * np.sqrt(10) > 1.5:
+        return ""
+    tau = clusters[1] / recording.rate
+    white = float(np.median(early)) * np.sqrt(clusters[0] / recording.rate)
+    smallest = {"bias_instability": white / (0.664 * np.sqrt(tau)),
+                "rate_random_walk": np.sqrt(3) * white / tau}  # fmt: skip
+    words = []
+    for quantity, value in smallest.items():
+        unit, scale = field_unit(recording.sensor, quantity)
+        words.append(f"no {quantity.replace('_', ' ')} below {value / scale:.2g} {unit}")
+    return (
+        f"of {recording.duration:.4g} s, its Allan deviation falls to the end as white noise alone "
+        f"does: {' and '.join(words)} would show"
+    )
+
+
+def _sweep(recording: Recording, say: Say) -> None:
+    span = _span(recording.temperature)
+    if span < SWEEP:
+        say("temperature", f"the temperature spans {span:.1f} °C, too little for a model of it",
+            "sweep over the range of use, 20 °C or more")  # fmt: skip
+        return
+    window = max(1, round(60 * recording.rate))
+    known = recording.temperature[np.isfinite(recording.temperature)]
+    minutes = known[: len(known) // window * window].reshape(-1, window).mean(axis=1)
+    pace = float(np.quantile(np.abs(np.diff(minutes)), 0.9)) if len(minutes) > 3 else 0.0
+    if pace > SWIFT:
+        say("temperature", f"the temperature runs at {pace:.1f} °C/min, faster than a die follows its "
+                           "housing", f"sweep at {SWIFT:g} °C/min or less, up and down")  # fmt: skip
+
+
+def _coverage(values: np.ndarray, say: Say) -> None:
+    sphere = fit_sphere(values)
+    centre = sphere.centre if sphere.convincing else (values.max(axis=0) + values.min(axis=0)) / 2
+    octant = ((values > centre) @ [1, 2, 4]).astype(int)
+    share = np.bincount(octant, minlength=8) / len(values)
+    reached = int(np.count_nonzero(share > 0.01))
+    if reached < 8:
+        say(
+            "coverage",
+            f"reaches {reached} of the 8 octants of its attitudes: what it never saw is not calibrated",
+            "turn it through all attitudes: each axis up and down, and round",
+        )
+
+
+def _span(temperature: np.ndarray | None) -> float:
+    if temperature is None or not np.isfinite(temperature).any():
+        return 0.0
+    return float(np.nanquantile(temperature, 0.99) - np.nanquantile(temperature, 0.01))
+
+
+REMEDIES = {
+    "gap": "record without losses: fewer channels, a faster card or link",
+    "duplicate": "stamp each sample when it is taken, by one clock",
+    "backward": "stamp each sample when it is taken, by one clock",
+    "nan": "record again where the logger leaves cells empty",
+    "saturated": "choose a wider range, or move it more gently",
+    "spike": "rest it on a heavy table away from people and machines",
+    "resolution": "record at a finer range, or with more digits",
+    "rate": "mend the rate in device.toml, or leave it out",
+}
+
+
+def with_remedies(findings: tuple[Finding, ...]) -> Iterator[Finding]:
+    """Findings with what to record instead, where they do not say it themselves."""
+    for finding in findings:
+        known = finding.kind in REMEDIES and not finding.where.startswith("reference")
+        if finding.remedy or not known:
+            yield finding
+        else:
+            yield replace(finding, remedy=REMEDIES[finding.kind])

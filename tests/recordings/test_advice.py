@@ -1,0 +1,162 @@
+"""What check warns of beforehand, and that it is silent about what is well recorded."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from sensorbook.cli import main
+from sensorbook.recordings.advice import advise
+from sensorbook.recordings.recording import Recording
+from sensorbook.simulate import simulate
+from sensorbook.units import SENSOR_UNITS
+
+REST = {
+    "gyroscope": (1e-3, 2e-3, -1e-3),
+    "accelerometer": (0.1, 0.2, 9.8),
+    "magnetometer": (2e-5, 0, 4e-5),
+}
+NOISE = {"gyroscope": 1e-3, "accelerometer": 0.01, "magnetometer": 1e-7}
+
+
+def recording(
+    seconds, rate=100.0, sensor="gyroscope", kind="static", values=None, temperature=None, walk=0.0
+):
+    """White noise, and a random walk of this step a second, about what the sensor reads at rest."""
+    rng = np.random.default_rng(17)
+    time = np.arange(round(seconds * rate)) / rate
+    if values is None:
+        values = np.array(REST[sensor]) + rng.normal(scale=NOISE[sensor], size=(len(time), 3))
+        values += np.cumsum(rng.normal(scale=walk / np.sqrt(rate), size=values.shape), axis=0)
+    return Recording(sensor, kind, "a.csv", time, values, temperature, rate, SENSOR_UNITS[sensor])
+
+
+def told(run, thermal=False):
+    return {f.kind: (f.message, f.remedy) for f in advise(run, thermal)}
+
+
+def test_a_rest_too_short_for_slow_noise_says_what_it_could_show():
+    message, remedy = told(recording(600))["short"]
+    assert message.startswith(
+        "of 600 s, its Allan deviation falls to the end as white noise alone does: "
+    )
+    bias, walk = re.findall(r"no [a-z ]+ below ([\d.]+) ", message)
+    white, tau = 1e-3 / np.sqrt(100), 600 / 9  # rad/s/√Hz, s
+    # Both to 15 %: the white noise is measured at a ninetieth of the record, where it errs by 5 %.
+    assert float(bias) == pytest.approx(np.degrees(white / (0.664 * np.sqrt(tau))) * 3600, rel=0.15)
+    assert float(walk) == pytest.approx(np.degrees(np.sqrt(3) * white / tau) * 3600, rel=0.15)
+    assert remedy.startswith("rest it longer: four times as long shows half the bias instability")
+
+
+def test_a_rest_that_shows_its_random_walk_is_long_enough():
+    assert told(recording(600, walk=3e-5)) == {}
+
+
+def test_a_handful_of_samples():
+    assert told(recording(5))["short"] == (
+        "holds 500 samples, and its noise needs 1000", "rest it for an hour or more"
+    )  # fmt: skip
+
+
+def test_a_slow_rest():
+    message, remedy = told(recording(3600, rate=1.0))["rate"]
+    assert message == ("sampled at 1 Hz, noise above 0.5 Hz is folded into what is stated as white")
+    assert remedy == "record at twice the sensor's bandwidth, and at 10 Hz at least"
+
+
+def test_temperature_in_a_rest():
+    run = recording(600, walk=3e-5, temperature=np.linspace(20, 24, 60_000))
+    message, remedy = told(run)["temperature"]
+    assert message == "the temperature moves by 3.9 °C during this rest: slow noise may be thermal"
+    assert remedy.startswith(
+        "let it warm up for an hour in a steady place, or add a sweep as kind thermal"
+    )
+    assert told(run, thermal=True) == {}
+    assert told(replace(run, temperature=np.linspace(20, 20.5, 60_000))) == {}
+
+
+@pytest.mark.parametrize(("top", "hours", "expected"), [
+    (23, 2, "the temperature spans 2.9 °C, too little for a model of it"),
+    (60, 0.25, "the temperature runs at 2.7 °C/min, faster than a die follows its housing"),
+    (60, 2, None),
+])  # fmt: skip
+def test_sweeps(top, hours, expected):
+    seconds = hours * 3600
+    run = recording(
+        seconds, 10.0, kind="thermal", temperature=np.linspace(20, top, round(seconds * 10))
+    )
+    found = told(run, thermal=True)
+    assert found.get("temperature", (None,))[0] == expected
+    assert found.keys() <= {"temperature"}
+
+
+def test_what_moves_is_no_rest():
+    rng = np.random.default_rng(18)
+    turned = Rotation.from_euler("x", np.linspace(0, 20, 60_000)[:, None], degrees=True).apply(
+        [0, 0, 9.8]
+    )
+    run = recording(
+        600, sensor="accelerometer", values=turned + rng.normal(scale=0.01, size=turned.shape)
+    )
+    message, remedy = told(run)["moved"]
+    assert message == "changes its direction by 9.5° though it is to rest"
+    assert remedy == "fasten it, record again, or declare the kind of recording that it is"
+    spun = recording(600).values + np.where(np.arange(60_000) > 40_000, 0.1, 0)[:, None]
+    assert "turns at up to 9.9°/s" in told(recording(600, values=spun))["moved"][0]
+
+
+def test_motion_too_fast_for_its_rate():
+    spun = np.tile([0, 0, 2.0], (2000, 1))  # rad/s, at 20 Hz: 5.7° a sample
+    message, remedy = told(recording(100, 20.0, kind="trajectory", values=spun))["rate"]
+    assert message == "turns by 5.7° rms from sample to sample: coning makes its integral drift"
+    assert remedy == "record at 57 Hz or more, or move it more slowly"
+    assert told(recording(20, 100.0, kind="trajectory", values=spun)) == {}
+    assert "sampled at 10 Hz" in told(recording(100, 10.0, kind="positions"))["rate"][0]
+
+
+def test_attitudes_that_a_rotation_never_reached():
+    every = Rotation.random(3000, random_state=np.random.RandomState(19)).apply([0, 0, 4e-5])
+    assert told(recording(30, sensor="magnetometer", kind="rotation", values=every)) == {}
+    half = every[every[:, 2] > 0]
+    found = told(recording(len(half) / 100, sensor="magnetometer", kind="rotation",
+                           values=half + np.array([0, 0, 1e-4])))  # fmt: skip
+    # Seen from the middle of a cap, four octants hold nothing but its rim.
+    assert found.keys() <= {"coverage"}
+    flat = every * [1, 1, 0.05]
+    octants = flat[(flat[:, 0] > 0) | (flat[:, 1] > 0)]
+    message, _ = told(recording(len(octants) / 100, sensor="magnetometer", kind="rotation",
+                                values=octants))["coverage"]  # fmt: skip
+    assert message.startswith("reaches 6 of the 8 octants of its attitudes")
+
+
+def test_the_demo_is_well_recorded(tmp_path, capsys):
+    simulate(tmp_path / "demo", preset="ahrs", seed=1)
+    assert main(["check", str(tmp_path / "demo")]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'demo'}: nothing to mend\n"
+
+
+@pytest.mark.parametrize(
+    "name", ["adis16405-2", "adis16405-3", "cats-tag", "xsens-mti", "ck-mag-acc"]
+)
+def test_good_real_recordings_raise_no_alarm(real_data, name, capsys):
+    assert main(["check", str(real_data / name)]) == 0
+    assert capsys.readouterr().out == f"{real_data / name}: nothing to mend\n"
+
+
+def test_findings_come_with_a_remedy(folder, samples, capsys):
+    path = folder()
+    text = (path / "static.csv").read_text().splitlines()
+    text[5] = ",,"
+    (path / "static.csv").write_text("\n".join(text) + "\n")
+    assert main(["check", str(path)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert (
+        "warning: static.csv: gyroscope, column 'gx': 1 of 500 values missing (0.2 %) — record again "
+        "where the logger leaves cells empty"
+    ) in said
+    assert (
+        "warning: static.csv: gyroscope: holds 499 samples, and its noise needs 1000 — rest it for an "
+        "hour or more"
+    ) in said
