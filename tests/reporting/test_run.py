@@ -103,6 +103,7 @@ def test_each_ending_leaves_what_it_should(runs):
     first, _ = runs
     assert set(first.kept) == {
         "index.html",
+        "results.csv",
         "results.json",
         *(f"gyroscope/{c}.{k}" for c in ("thermal", "allan") for k in ("html", "json", "ipynb")),
         *(f"accelerometer/allan.{k}" for k in ("html", "json", "ipynb")),
@@ -160,6 +161,7 @@ def test_failed_chapters_lose_their_page_and_record_and_the_others_stand(runs):
     left = first_files(second)
     assert left == {
         "index.html",
+        "results.csv",
         "results.json",
         *(f"gyroscope/thermal.{k}" for k in ("html", "json", "ipynb")),
         "gyroscope/allan.ipynb",
@@ -255,7 +257,7 @@ def test_chapters_that_no_recording_feeds_any_more_are_removed(quick, tmp_path):
     run([write_device(tmp_path / "d", "dev-1", [("gyroscope", "static")])], out)
     assert (out / "dev-1" / "gyroscope" / "allan.html").exists()
     done = run([write_device(tmp_path / "e", "dev-1", [("gyroscope", "thermal")])], out)
-    assert first_files(done) == {"index.html", "results.json"}
+    assert first_files(done) == {"index.html", "results.csv", "results.json"}
 
 
 def test_an_unreadable_device_loses_its_earlier_report(quick, tmp_path):
@@ -268,7 +270,7 @@ def test_an_unreadable_device_loses_its_earlier_report(quick, tmp_path):
     assert done.code == 1
     assert "no_such" in done.stderr
     assert done.text("dev-1", "index.html").count("no_such") == 1
-    assert first_files(done) == {"index.html", "results.json"}
+    assert first_files(done) == {"index.html", "results.csv", "results.json"}
     results(done)
 
 

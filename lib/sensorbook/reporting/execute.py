@@ -128,11 +128,18 @@ def record_of(
         "reason": outcome.reason,
         "device": device,
         "software": software(),
+        "parameters": _read_records(outcome.notebook),
         "inputs": inputs,
         "warnings": warnings,
         "results": found if outcome.status == "complete" else {},
         "created": now(),
     }
+
+
+def _read_records(notebook: nbformat.NotebookNode) -> dict[str, str]:
+    """The records of other chapters that a notebook was given: what its numbers hang on."""
+    given = notebook.metadata.get("papermill", {}).get("parameters", {})
+    return {key: value for key, value in given.items() if key.endswith("_record")}
 
 
 @cache

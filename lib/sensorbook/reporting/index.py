@@ -11,9 +11,11 @@ from typing import Any
 
 from sensorbook import units
 from sensorbook.notebook import duration_words
+from sensorbook.reporting.chapters import CHAPTERS
 from sensorbook.reporting.render import environment
 from sensorbook.reporting.results import AXES, overall
 
+_LINES = 6  # checks told in the banner
 THUMBNAIL_WIDTH = 560  # pixels; shown at half of it
 
 # As the field calls them; the random walk's name depends on what is integrated.
@@ -38,18 +40,20 @@ SYMBOLS = {"pass": "✓", "fail": "✗", "undecided": "?", None: ""}
 
 def device_page(found: dict[str, Any], folder: Path) -> str:
     """The index of one device, from its results.json; `folder` holds its chapters' notebooks."""
-    listed = [
-        chapter | {"thumbnail": _thumbnail(folder / chapter["notebook"])}
-        for chapter in found["chapters"]
-    ]
+    judged = {check["sensor"] for check in found["checks"]}
+    # What is judged comes first.
+    ordered = sorted(found["sensors"].items(), key=lambda item: item[0] not in judged)
     sensors = [
         {
             "name": sensor,
             "noise": _noise_rows(sensor, result, found["checks"]),
             "thermal": _thermal_rows(sensor, result.get("thermal", {})),
         }
-        for sensor, result in found["sensors"].items()
+        for sensor, result in ordered
     ]
+    names = dict.fromkeys(
+        (*(s for s, _ in ordered), *(chapter["sensor"] for chapter in found["chapters"]))
+    )
     other = [check for check in found["checks"] if check["sensor"] not in found["sensors"]]
     return (
         environment()
@@ -57,7 +61,19 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
         .render(
             found=found,
             banner=_banner(found),
-            chapters=listed,
+            doubtful=_doubtful(found.get("guesses", [])),
+            chapters=[
+                (
+                    sensor,
+                    [_chapter_card(c, folder) for c in found["chapters"] if c["sensor"] == sensor],
+                )
+                for sensor in names
+            ],
+            warnings=[
+                (sensor, listed)
+                for sensor in names
+                if (listed := [w for w in found["warnings"] if w["sensor"] == sensor])
+            ],
             sensors=sensors,
             unjudged=sorted(
                 {
@@ -70,22 +86,43 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
     )
 
 
+def _chapter_card(chapter: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """A chapter with its first figure, and the titles of the chapters whose records it read."""
+    titles = {c.slug: c.title for c in CHAPTERS}
+    read = [
+        titles[key.removesuffix("_record")].lower()
+        for key, value in chapter.get("parameters", {}).items()
+        if value and key.removesuffix("_record") in titles
+    ]
+    return chapter | {"thumbnail": _thumbnail(folder / chapter["notebook"]), "after": read}
+
+
+def _doubtful(guesses: list[dict[str, str]]) -> list[str]:
+    """What of a bare recording was guessed with little certainty or not at all, in words."""
+    words = {"low": "of low certainty", "not known": "not known"}
+    listed: dict[str, list[str]] = {}
+    for guess in guesses:
+        if guess["confidence"] in words:
+            what = f"{guess['sensor']} {guess['key'].replace('_', ' ')}"
+            listed.setdefault(words[guess["confidence"]], []).append(what)
+    return [f"{certainty}: {', '.join(dict.fromkeys(what))}" for certainty, what in listed.items()]
+
+
 def _banner(found: dict[str, Any]) -> dict[str, Any]:
-    """The verdict in words, with the checks that kept it from being a pass."""
+    """The verdict in words, with the checks that kept it from being a pass, or the closest one."""
     checks = found["checks"]
     verdict = overall(checks)
     count = {kind: sum(c["verdict"] == kind for c in checks) for kind in ("fail", "undecided")}
-    lines = []
-    for kind, word in (("fail", "Failed"), ("undecided", "Undecided")):
-        axes: dict[str, list[str]] = {}
-        for c in checks:
-            if c["verdict"] == kind:
-                name = quantity_name(c["sensor"], c["quantity"])
-                what = f"{c['sensor']} {name[0].lower()}{name[1:]}"
-                axes.setdefault(what, []).append(c["axis"])
-        if axes:
-            listed = "; ".join(f"{what} ({', '.join(of)})" for what, of in axes.items())
-            lines.append(f"{word}: {listed}.")
+    lines = [
+        _capital(check_words(check, found))
+        for kind in ("fail", "undecided")
+        for check in checks
+        if check["verdict"] == kind
+    ]
+    more = len(lines) - _LINES
+    lines = lines[:_LINES] + ([f"And {more} more, in the tables below."] if more > 0 else [])
+    if verdict == "pass":
+        lines = [f"Closest to its limit: {check_words(max(checks, key=_nearness), found)}"]
     words = {
         None: "No limits given: a [spec] table in device.toml has the device judged against it.",
         "pass": f"✓ Within its limits: all {len(checks)} checks passed.",
@@ -93,11 +130,53 @@ def _banner(found: dict[str, Any]) -> dict[str, Any]:
         "undecided": f"? Not decided: {count['undecided']} of {len(checks)} checks"
         " cannot be decided.",
     }[verdict]
-    if count["undecided"]:
-        lines.append(
-            "A check is undecided where the 95 % interval straddles the limit, or without a result."
-        )
     return {"kind": verdict or "", "words": words, "lines": lines}
+
+
+def _nearness(check: dict[str, Any]) -> float:
+    """How much of a limit is used up, 1 at the limit."""
+    value, limit = check["value"] or 0.0, check["limit"]
+    if check["bound"] == "min":
+        value, limit = limit, value
+    return value / limit if limit > 0 else -math.inf
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def check_words(check: dict[str, Any], found: dict[str, Any]) -> str:
+    """A check in words, in field units: what was measured, the limit, the verdict and what follows."""
+    sensor, quantity, axis = check["sensor"], check["quantity"], check["axis"]
+    unit, scale = quantity_unit(sensor, quantity)
+    name = quantity_name(sensor, quantity)
+    sign = "≤" if check["bound"] == "max" else "≥"
+    limit = f"limit {sign} {check['limit'] / scale:.4g} {unit}"
+    what = f"{sensor} {name[0].lower()}{name[1:]} {axis}"
+    low, high = check["low"], check["high"]
+    if check["value"] is not None and low is not None and high is not None:
+        value, below, above = interval(check["value"] / scale, low / scale, high / scale)
+        measured = value if low == high else f"{value} ({below} … {above})"
+    elif high is not None:
+        measured = f"no visible effect, below {high / scale:.2g}"
+    else:
+        measured = "no result"
+    words = f"{what}: {measured}, {limit}: {check['verdict']}"
+    if check["verdict"] != "undecided":
+        return words
+    if high is None:
+        return f"{words} — {_why_none(sensor, found)}"
+    return f"{words}, as its 95 % interval straddles the limit — record longer, which narrows it"
+
+
+def _why_none(sensor: str, found: dict[str, Any]) -> str:
+    """Why there is no result of a sensor."""
+    for chapter in found["chapters"]:
+        unfinished = chapter["status"] in ("refused", "failed") and chapter["reason"]
+        if chapter["sensor"] == sensor and unfinished:
+            reason = chapter["reason"].splitlines()[0]
+            return f"{chapter['title'].lower()} {chapter['status']}: {reason}"
+    return "no recording gives it: add one, or take the limit out of [spec]"
 
 
 def _noise_rows(
@@ -227,19 +306,21 @@ def _input_row(recording: dict[str, Any]) -> dict[str, str]:
         "rate": "unknown" if rate is None else f"{rate:.6g} Hz",
         "samples": f"{recording['samples']:,}".replace(",", "\u202f"),
         "gaps": str(recording["gaps"]),
-        "sha256": recording["sha256"][:12],
+        "sha256": recording["sha256"],
+        "unit": str(recording.get("unit", "")),
     }
 
 
-def _thumbnail(notebook: Path) -> str | None:
-    """The first figure meant for the index, scaled down, as the source of an image."""
+def _thumbnail(notebook: Path) -> dict[str, str] | None:
+    """The first figure meant for the index, scaled down: `source` and `alt` of an image."""
     try:
         cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     except (OSError, ValueError, KeyError):
         return None
     for cell in cells:
         for output in cell.get("outputs", ()):
-            if output.get("metadata", {}).get("image/png", {}).get("thumbnail"):
+            about = output.get("metadata", {}).get("image/png", {})
+            if about.get("thumbnail"):
                 from PIL import Image
 
                 png = output["data"]["image/png"]
@@ -248,7 +329,8 @@ def _thumbnail(notebook: Path) -> str | None:
                 buffer = io.BytesIO()
                 image = image.quantize(128, Image.Quantize.FASTOCTREE)
                 image.save(buffer, format="png", optimize=True)
-                return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+                coded = base64.b64encode(buffer.getvalue()).decode()
+                return {"source": f"data:image/png;base64,{coded}", "alt": about.get("alt", "")}
     return None
 
 

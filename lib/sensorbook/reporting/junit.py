@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-from sensorbook.reporting.gate import check_words
+from sensorbook.reporting.index import check_words
 
 # What XML 1.0 (2.2) does not allow, even as a reference.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -146,7 +146,7 @@ class _Renderer(IPythonRenderer):
         return super().image(text, url, title)
 
     def table(self, text: str) -> str:
-        return f'<div class="scroll"><table>\n{text}</table></div>\n'
+        return f'<div class="scroll" tabindex="0"><table>\n{text}</table></div>\n'
 
     def block_math(self, body: str) -> str:
         return f'<div class="math">{mathml(body, "block")}</div>\n'

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -90,6 +92,7 @@ def assemble(
                 "reason": record["reason"],
                 "page": None if status == "failed" else f"{sensor}/{slug}.html",
                 "notebook": f"{sensor}/{slug}.ipynb",
+                "parameters": record.get("parameters", {}),
             }
         )
     return {
@@ -109,6 +112,52 @@ def assemble(
         "problems": list(problems),
         "guesses": device.get("guesses", []),
     }
+
+
+COLUMNS = ("device", "sensor", "axis", "quantity", "method", "value", "low", "high", "unit",
+           "field_value", "field_low", "field_high", "field_unit")  # fmt: skip
+
+
+def csv_text(found: dict[str, Any]) -> str:
+    """The numbers of a results.json as a table, one a row, in SI units and in the field's.
+
+    Every cell is a number or a word of ours, so that no spreadsheet takes one for a formula.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for sensor, result in found["sensors"].items():
+        stated = {"": result.get("noise", {}), **result.get("noise_methods", {})}
+        stated["thermal"] = result.get("thermal", {})
+        for method, by_axis in stated.items():
+            for axis in AXES:
+                entries = by_axis.get(axis) if isinstance(by_axis, dict) else None
+                for quantity, entry in (entries or {}).items():
+                    if quantity in units.quantities(sensor) and (
+                        row := _csv_row(sensor, quantity, entry)
+                    ):
+                        writer.writerow(
+                            (found["device"]["id"], sensor, axis, quantity, method, *row)
+                        )
+    return text.getvalue()
+
+
+def _csv_row(sensor: str, quantity: str, entry: Any) -> tuple | None:
+    """Value, low, high and unit of one number, twice; None for what is none."""
+    if isinstance(entry, dict):
+        numbers = tuple(entry.get(key) for key in ("value", "low", "high"))
+    else:
+        numbers = (entry, None, None)
+    if isinstance(numbers[0], bool) or not isinstance(numbers[0], int | float):
+        return None
+    label, scale = units.field_unit(sensor, quantity)
+    in_field = ("" if n is None else f"{n / scale:.7g}" for n in numbers)
+    return (
+        *("" if n is None else n for n in numbers),
+        units.si_unit(sensor, quantity),
+        *in_field,
+        label,
+    )
 
 
 def merge(into: dict[str, Any], results: dict[str, Any]) -> None:

@@ -282,5 +282,6 @@ def _finish(device: _Device, tree: Tree) -> dict[str, Any]:
         device.about, execute.software(), execute.now(), records, device.problems
     )
     tree.write(folder / "results.json", results.dumps(found))
+    tree.write(folder / "results.csv", results.csv_text(found))
     tree.write(folder / "index.html", index.device_page(found, folder))
     return found
