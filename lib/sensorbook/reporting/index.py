@@ -72,7 +72,7 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
             warnings=[
                 (sensor, listed)
                 for sensor in names
-                if (listed := [w for w in found["warnings"] if w["sensor"] == sensor])
+                if (listed := [_warning(w) for w in found["warnings"] if w["sensor"] == sensor])
             ],
             sensors=sensors,
             unjudged=sorted(
@@ -84,6 +84,12 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
             inputs=[_input_row(recording) for recording in found["inputs"]],
         )
     )
+
+
+def _warning(warning: dict[str, str]) -> dict[str, str]:
+    """A warning without the sensor's name at its head, under which it is listed."""
+    message = warning["message"].removeprefix(warning["sensor"]).lstrip(":, ")
+    return {"file": warning["file"], "message": _capital(message)}
 
 
 def _chapter_card(chapter: dict[str, Any], folder: Path) -> dict[str, Any]:
