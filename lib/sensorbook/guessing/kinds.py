@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from sensorbook.guessing.certainty import HIGH, LOW, MEDIUM, Guess
 from sensorbook.guessing.columns import Column
-from sensorbook.guessing.motion import Blocks, Motion, of_field
 from sensorbook.guessing.names import words_of
 from sensorbook.guessing.sensors import Triple
+from sensorbook.recordings.motion import Blocks, Motion, of_field
 
 SWEEP = 5.0  # °C: less does not determine a thermal model
 

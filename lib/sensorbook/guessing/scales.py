@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sensorbook.guessing.certainty import HIGH, LOW, MEDIUM, UNKNOWN
-from sensorbook.guessing.motion import Blocks, Motion
 from sensorbook.guessing.physics import Rotation, Sphere, converter_step, fit_sphere
+from sensorbook.recordings.motion import Blocks, Motion
 from sensorbook.units import SENSOR_UNITS, factor
 
 GRAVITY = 9.80665  # m/s², standard gravity (CGPM 1901)
@@ -59,7 +59,7 @@ class Unit:
 
 def accelerometer(values: np.ndarray, declared: str, motion: Motion, sphere: Sphere) -> Unit:
     """Unit of accelerometer readings (N, 3), their offset removed; `declared` is "" for none."""
-    length, where = _field_length(values, motion, sphere)
+    length, where = field_length(values, motion, sphere)
 
     def fits(unit: str) -> bool:
         low, high = _ACCELERATION
@@ -88,7 +88,7 @@ def accelerometer(values: np.ndarray, declared: str, motion: Motion, sphere: Sph
 
 def magnetometer(values: np.ndarray, declared: str, motion: Motion, sphere: Sphere) -> Unit:
     """Unit of magnetometer readings (N, 3), their offset removed."""
-    length, where = _field_length(values, motion, sphere)
+    length, where = field_length(values, motion, sphere)
 
     def fits(unit: str, limits=_EARTH_FIELD) -> bool:
         return limits[0] <= length * factor(unit, "T") <= limits[1]
@@ -204,7 +204,7 @@ def _by_step(values: np.ndarray) -> tuple[str, str] | None:
     return None
 
 
-def _field_length(values: np.ndarray, motion: Motion, sphere: Sphere) -> tuple[float, str]:
+def field_length(values: np.ndarray, motion: Motion, sphere: Sphere) -> tuple[float, str]:
     """How long a field reads, and where that was measured."""
     if sphere.convincing:
         return sphere.radius, "in all attitudes"

@@ -11,9 +11,9 @@ from sensorbook.guessing import scales
 from sensorbook.guessing.certainty import HIGH, LOW, MEDIUM, UNKNOWN
 from sensorbook.guessing.clock import Clock
 from sensorbook.guessing.columns import Column
-from sensorbook.guessing.motion import Blocks, Motion, of_field, of_rate
 from sensorbook.guessing.names import sensor_of_unit
 from sensorbook.guessing.physics import Rotation, Sphere, rotation_scale, rotation_scale_between
+from sensorbook.recordings.motion import Blocks, Motion, of_field, of_rate
 
 _EXPLAINED = 0.4  # share of a field's change that makes the other one its gyroscope
 
@@ -124,7 +124,7 @@ def _by_name(triple: Triple, told: str) -> None:
 
 def _gravity(triple: Triple) -> str:
     """Words for a triple that reads 1 g, in m/s² or g, in several attitudes or long at rest; else ""."""
-    length, where = scales._field_length(triple.finite, triple.as_field, triple.sphere)
+    length, where = scales.field_length(triple.finite, triple.as_field, triple.sphere)
     tight = triple.sphere.convincing or triple.as_field.still
     near = any(abs(length / one - 1) < 0.03 for one in (scales.GRAVITY, 1.0))
     return f"it reads {length:.4g} {where}" if tight and near else ""
@@ -168,7 +168,7 @@ def _by_length(triple: Triple, certain_field: bool) -> None:
     motion, sphere = triple.as_field, triple.sphere
     if not (motion.still or sphere.convincing or certain_field):
         return
-    length, where = scales._field_length(triple.finite, motion, sphere)
+    length, where = scales.field_length(triple.finite, motion, sphere)
     for one, name in ((scales.GRAVITY, "m/s²"), (1.0, "g"), (1000.0, "mg")):
         if abs(length / one - 1) < 0.1:
             sure = HIGH if sphere.convincing and certain_field else MEDIUM

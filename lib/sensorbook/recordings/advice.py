@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensorbook.guessing.motion import Blocks, of_field
-from sensorbook.guessing.physics import fit_sphere
+from sensorbook.recordings.motion import Blocks, of_field
 from sensorbook.recordings.recording import Finding, Recording
 from sensorbook.units import SENSOR_UNITS, field_unit
 
@@ -150,8 +149,7 @@ def _sweep(recording: Recording, say: Say) -> None:
 
 
 def _coverage(values: np.ndarray, say: Say) -> None:
-    sphere = fit_sphere(values)
-    centre = sphere.centre if sphere.convincing else (values.max(axis=0) + values.min(axis=0)) / 2
+    centre = (values.max(axis=0) + values.min(axis=0)) / 2
     octant = ((values > centre) @ [1, 2, 4]).astype(int)
     share = np.bincount(octant, minlength=8) / len(values)
     reached = int(np.count_nonzero(share > 0.01))
