@@ -1,6 +1,8 @@
 """Recordings: what is found odd, the and what a recording tells of itself."""
 
 import json
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -305,6 +307,20 @@ file = "images/*.png"
 camera = { width = 4, height = 3, focal_px = 5.0, to_body = [[0,1,0],[-1,0,0],[0,0,1]] }
 poses = "poses.csv"
 """
+
+
+def test_an_image_of_absurd_size_is_refused_unread(folder):
+    path = folder(CAMERA)
+    (path / "images").mkdir()
+    for name, side in (("a.png", 16), ("b.png", 60_000)):
+        header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+        chunk = struct.pack(">I", len(header)) + b"IHDR" + header
+        chunk += struct.pack(">I", zlib.crc32(b"IHDR" + header))
+        (path / "images" / name).write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
+    (path / "poses.csv").write_text("image,x\na.png,1\nb.png,2\n")
+    (problem,) = check(path)[0]
+    assert str(problem).startswith("images/b.png: declares ")
+    assert "million pixels — at most 100 million are read: crop or scale it" in str(problem)
 
 
 def test_images_are_listed_by_name_with_their_poses(folder):

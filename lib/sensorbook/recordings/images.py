@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +14,9 @@ from sensorbook.recordings.paths import resolve
 from sensorbook.recordings.recording import Finding, html_table, plain
 from sensorbook.recordings.schema import FILE, Declared
 from sensorbook.recordings.tables import open_table
+
+
+MAX_PIXELS = 100_000_000  # twice the largest sensor that flies; a header can declare anything
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +83,17 @@ def read_images(declared: Declared, folder: Path) -> Images:
         )
     paths = tuple(resolve(folder, name, where) for name in names)
     digest = hashlib.sha256()
-    for path in paths:
-        digest.update(path.read_bytes())
+    problems = []
+    for path, name in zip(paths, names, strict=True):
+        if (pixels := _declared_pixels(path)) > MAX_PIXELS:
+            message = f"declares {pixels / 1e6:.0f} million pixels"
+            mend = f"at most {MAX_PIXELS / 1e6:.0f} million are read: crop or scale it"
+            problems.append(Problem(name, "", message, mend))
+        with path.open("rb") as stream:
+            while chunk := stream.read(1 << 20):
+                digest.update(chunk)
+    if problems:
+        raise InputError(*problems)
     poses = None
     if "poses" in declared.table:
         poses = _poses(declared, folder)
@@ -95,6 +108,21 @@ def read_images(declared: Declared, folder: Path) -> Images:
         sha256=digest.hexdigest(),
         declaration=declared.table,
     )
+
+
+def _declared_pixels(path: Path) -> int:
+    """Pixels that an image's header declares, without decoding it; 0 where it is no image."""
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path) as image:
+                return image.width * image.height
+    except Image.DecompressionBombError:  # beyond twice Pillow's own limit
+        return 2 * (Image.MAX_IMAGE_PIXELS or MAX_PIXELS)
+    except (OSError, ValueError, SyntaxError):  # whoever reads it will say what is wrong
+        return 0
 
 
 def _poses(declared: Declared, folder: Path) -> dict:
