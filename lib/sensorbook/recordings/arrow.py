@@ -24,11 +24,12 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         raise source.wrong("holds one table only", "leave `table` out", f"table {table!r}")
     try:
         if source.head.startswith(b"PAR1"):
-            file = parquet.ParquetFile(source.path, memory_map=False)
+            file = parquet.ParquetFile(source.path, page_checksum_verification=True)
             schema, rows = file.schema_arrow, file.metadata.num_rows
         else:
             reader = ipc.open_file(pyarrow.memory_map(str(source.path)))
             schema, rows = reader.schema, None
+        names = tuple(schema.names)
     except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
         raise _damaged(source, error) from None
     if rows is not None and rows * 8 > MAX_BYTES:
@@ -60,7 +61,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
               if k.lower() in (b"unit", b"units")), "")
         for field in schema
     )  # fmt: skip
-    return Table(source.file, tuple(schema.names), read, units=units)
+    return Table(source.file, names, read, units=units)
 
 
 def _path(file, index: int) -> str:

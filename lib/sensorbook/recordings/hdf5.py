@@ -52,10 +52,27 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
 def _opened(source: Source):
     import h5py
 
+    _check_end(source)
     try:
         return h5py.File(source.path, "r", locking=False)
     except _ERRORS:
         raise _damaged(source) from None
+
+
+def _check_end(source: Source) -> None:
+    """Raises where the file does not end where its superblock says (HDF5 File Format 3.0, II.A).
+
+    libhdf5 refuses files that are cut off, but reads those with bytes too many, and what lies after
+    them comes from the wrong place.
+    """
+    head = source.head[512:] if source.head.startswith(b"MATLAB") else source.head
+    if not head.startswith(b"\x89HDF") or len(head) < 64:
+        raise _damaged(source)
+    version = head[8]
+    size = head[13] if version < 2 else head[9]
+    at = {0: 24, 1: 28}.get(version, 12) + 2 * size
+    if int.from_bytes(head[at : at + size], "little") != source.path.stat().st_size:
+        raise _damaged(source)
 
 
 def _variables(source: Source) -> list[Variable]:

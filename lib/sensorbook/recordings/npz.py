@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -10,6 +11,10 @@ import numpy as np
 
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.tables import MAX_BYTES, Source, Table, too_large
+
+# What zipfile and numpy raise on damage: places before the file's beginning are an OSError.
+_ERRORS = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
+           RuntimeError, struct.error, OverflowError, MemoryError)  # fmt: skip
 
 
 def table_names(source: Source) -> tuple[str, ...]:
@@ -22,6 +27,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     file = source.file
     try:
         archive = zipfile.ZipFile(source.path)
+        _check_whole(source, archive)
         if "[Content_Types].xml" in archive.namelist():
             raise source.wrong("is an Excel file: format not supported yet", "save it as .csv")
         shapes = {
@@ -29,7 +35,9 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
             for entry in archive.infolist()
             if entry.filename.endswith(".npy")
         }
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError):
+    except InputError:
+        raise
+    except _ERRORS:
         raise _damaged(file) from None
     if table is not None:
         if table not in shapes:
@@ -67,6 +75,23 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     return Table(file, names, read)
 
 
+def _check_whole(source: Source, archive: zipfile.ZipFile) -> None:
+    """Raises where the directory at the archive's end counts other members than it lists.
+
+    zipfile does not look at the count, at bytes 10 and 11 of the last record (APPNOTE.TXT 6.3.10,
+    4.3.16), and passes over members whose entry is damaged.
+    """
+    with source.path.open("rb") as stream:
+        stream.seek(max(source.path.stat().st_size - (1 << 16) - 22, 0))
+        tail = stream.read()
+    at = tail.rfind(b"PK\x05\x06")
+    count = int.from_bytes(tail[at + 10 : at + 12], "little")
+    if at < 0 or count not in (len(archive.infolist()), 0xFFFF):  # 0xFFFF: counted elsewhere
+        raise _damaged(source.file)
+    for entry in archive.infolist():
+        archive.open(entry).close()  # its name must stand before its content, too
+
+
 def _header(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> tuple[tuple[int, ...], int, str]:
     """Shape, declared size in bytes and dtype of an array, without reading it."""
     try:
@@ -101,14 +126,7 @@ def _array(archive: zipfile.ZipFile, name: str, header, file: str) -> np.ndarray
     try:
         with archive.open(f"{name}.npy") as stream:
             array = np.lib.format.read_array(stream, allow_pickle=False)
-    except (
-        ValueError,
-        EOFError,
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-        RuntimeError,
-    ):
+    except _ERRORS:
         raise _damaged(file) from None
     return array
 
