@@ -8,7 +8,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sensorbook import InputError
@@ -48,6 +48,7 @@ JUNK = ["", "Logger v1.2\n", "# made by a logger\n\n", "Device: IMU 7\nDate: 202
     rows=st.integers(min_value=5, max_value=40),
     seed=st.integers(min_value=0, max_value=99),
 )
+@settings(deadline=None)
 def test_any_layout_gives_the_same_numbers(
     tmp_path_factory, delimiter, junk, header, end, decimal, encoding, compress, rows, seed
 ):
@@ -134,6 +135,7 @@ def test_what_is_no_table_is_one_clear_problem(tmp_path, content, expected):
 
 
 @given(st.binary(max_size=300))
+@settings(deadline=None)
 def test_any_bytes_are_a_table_or_an_input_error(tmp_path_factory, content):
     for prefix in (b"", b"PK\x03\x04", b"\x1f\x8b\x08\x00", b"a,b\n1,2\n3,4\n"):
         with contextlib.suppress(InputError):

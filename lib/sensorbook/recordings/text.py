@@ -17,7 +17,7 @@ from sensorbook.recordings.tables import HEAD_BYTES, Source, Table
 from sensorbook.units import UnitError, factor
 
 DELIMITERS = (",", ";", "\t", "|", r"\s+")
-_ROWS = 1 << 19  # rows parsed at one go
+_ROWS = 1 << 16  # rows parsed at one go
 _PREAMBLE = 20
 _COMMENT = ("#", "%")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
@@ -145,7 +145,13 @@ def _check_end(source: Source, tail: str, line: int, layout: Layout) -> None:
     """Raises where the last line, which has no end, breaks off within the table's row."""
     rows = tail.splitlines()
     last, earlier = rows[-1], rows[1:-1][-100:]
-    if layout.edges or not earlier or last.lstrip().startswith(_COMMENT):
+    if not earlier or last.lstrip().startswith(_COMMENT):
+        return
+    if layout.edges:
+        if last.strip() and len(last.rstrip()) < min(
+            len(row.rstrip()) for row in earlier if row.strip()
+        ):
+            raise _cut_off(source, line)
         return
     cells = _cells(last, layout.delimiter)
     before = [_cells(row, layout.delimiter) for row in earlier]
@@ -159,8 +165,12 @@ def _check_end(source: Source, tail: str, line: int, layout: Layout) -> None:
         or (len(ends) > 20 and _decimals(cells[-1], layout.decimal) < min(ends))
     )
     if broken:
-        raise source.wrong("is cut off: its last line breaks off", "copy it again, or remove the line",
-                           f"line {line}")  # fmt: skip
+        raise _cut_off(source, line)
+
+
+def _cut_off(source: Source, line: int) -> InputError:
+    return source.wrong("is cut off: its last line breaks off", "copy it again, or remove the line",
+                        f"line {line}")  # fmt: skip
 
 
 def _decimals(cell: str, decimal: str) -> int:
@@ -322,7 +332,7 @@ def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> di
         "encoding": text.encoding,
         "encoding_errors": "replace",
     }
-    parts: dict[int, list[np.ndarray]] = {index: [] for index in indices}
+    columns = {index: np.empty(0) for index in indices}
     rows = 0
     try:
         with text.open() as stream:
@@ -339,30 +349,30 @@ def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> di
                 )  # fmt: skip
             with frames:
                 for frame in frames:
-                    rows += len(frame)
                     for index in indices:
-                        parts[index].append(frame[index].to_numpy())
+                        columns[index] = _extended(columns[index], frame[index].to_numpy())
+                    rows += len(frame)
     except pandas.errors.EmptyDataError:
-        return {index: np.empty(0) for index in indices}
+        return columns
     except (pandas.errors.ParserError, ValueError, OverflowError) as error:
         raise InputError(
             Problem(file, _line(str(error)), f"is no regular table: {_tidy(str(error))}",
                     "write the same number of cells on every line")
         ) from None  # fmt: skip
     _check_width(text, layout, rows, file)
-    columns = {}
-    for index in indices:
-        columns[index] = _joined(parts.pop(index))
     return columns
 
 
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    """One column from its pieces: integers where all are, text where any is."""
-    if len(parts) == 1:
-        return parts[0]
-    if all(part.dtype.kind in "iuf" for part in parts):
-        return np.concatenate(parts)
-    return np.concatenate([part.astype(object) for part in parts])
+def _extended(column: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """A column with its next piece: integers where all are, text where any is."""
+    if not (rows := len(column)):
+        return part.copy()
+    numeric = part.dtype.kind in "iuf" and column.dtype.kind in "iuf"
+    column = column.astype(np.result_type(column, part) if numeric else object, copy=False)
+    # In place: pieces joined at the end would hold the columns twice.
+    column.resize(rows + len(part), refcheck=False)
+    column[rows:] = part
+    return column
 
 
 def _check_width(text: _Text, layout: Layout, rows: int, file: str) -> None:
