@@ -93,8 +93,13 @@ def _connected(source: Source) -> sqlite3.Connection:
     page = int.from_bytes(source.head[16:18])
     page = 65536 if page == 1 else page
     pages = int.from_bytes(source.head[28:32])
-    if pages and source.path.stat().st_size < pages * page:
+    size = source.path.stat().st_size
+    if pages and size < pages * page:
         raise source.wrong("is cut off", "copy it again")
+    # The count holds where it was made at the last change (SQLite Database File Format, 1.3.8).
+    counted = pages and source.head[24:28] == source.head[92:96]
+    if size % page or (counted and size != pages * page):
+        raise _damaged(source)
     path = quote(str(source.path.resolve()))
     try:
         # Immutable: no lock, no journal, nothing is written beside it.

@@ -144,7 +144,8 @@ class _Text:
 def _check_end(source: Source, tail: str, line: int, layout: Layout) -> None:
     """Raises where the last line, which has no end, breaks off within the table's row."""
     rows = tail.splitlines()
-    last, earlier = rows[-1], rows[1:-1][-100:]
+    whole = len(rows) == line  # else the first may have lost its beginning
+    last, earlier = rows[-1], rows[0 if whole else 1 : -1][-100:]
     if not earlier or last.lstrip().startswith(_COMMENT):
         return
     if layout.edges:
