@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -53,7 +54,7 @@ def _opened(source: Source):
         raise source.wrong("is a netCDF file of the 64-bit-data kind, which is not supported",
                            "convert it: nccopy -k nc4")  # fmt: skip
     try:
-        file = _File(source.path, "r", mmap=False)
+        file = _File(source.path, "r", mmap=True)
     except _ERRORS:
         raise _damaged(source) from None
     if not file.is_whole(source.path.stat().st_size):
@@ -74,6 +75,14 @@ class _File(netcdf_file):
         ] = []  # first byte, bytes, and bytes as noted beside, of each variable
         self.__dict__["header"] = 0
         super().__init__(*arguments, **options)
+
+    def close(self):
+        """Closes the file; columns are copies, whatever still points into its memory map."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            super().close()
+
+    __del__ = close
 
     def _read_var(self):
         out = super()._read_var()

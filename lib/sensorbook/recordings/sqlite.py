@@ -11,10 +11,10 @@ from urllib.parse import quote
 import numpy as np
 
 from sensorbook.errors import InputError
-from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, too_large
+from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, extended, too_large
 
 _LONGEST = 120.0  # s that one query may take
-_ROWS = 1 << 16
+_ROWS = 1 << 13  # fetched at one go
 
 
 def table_names(source: Source) -> tuple[str, ...]:
@@ -33,7 +33,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
         wanted = ", ".join(_quoted(columns[index]) for index in indices)
-        parts: list[list[np.ndarray]] = [[] for _ in indices]
+        held = {index: np.empty(0) for index in indices}
         with closing(_connected(source)) as database:
             try:
                 cursor = database.execute(f"SELECT {wanted} FROM {_quoted(name)} ORDER BY rowid")
@@ -44,9 +44,9 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
                 rows += len(block)
                 if rows * 8 * len(indices) > MAX_BYTES:
                     raise too_large(source.file, f"table {name!r}")
-                for k, values in enumerate(zip(*block, strict=True)):
-                    parts[k].append(_column(values))
-        return {index: _joined(parts[k]) for k, index in enumerate(indices)}
+                for index, values in zip(indices, zip(*block, strict=True), strict=True):
+                    held[index] = extended(held[index], _column(values))
+        return held
 
     return Table(source.file, columns, read)
 
@@ -62,14 +62,6 @@ def _column(values: Sequence) -> np.ndarray:
     if kinds <= {int, float, type(None)}:
         return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
     return np.array([v.hex() if isinstance(v, bytes) else v for v in values], dtype=object)
-
-
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    if not parts:
-        return np.empty(0)
-    if any(part.dtype == object for part in parts):
-        return np.concatenate([part.astype(object) for part in parts])
-    return np.concatenate(parts)
 
 
 def _tables(source: Source, database: sqlite3.Connection) -> tuple[str, ...]:

@@ -240,6 +240,18 @@ def too_large(file: str, where: str = "") -> InputError:
     )
 
 
+def extended(column: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """A column with its next piece: integers where all are, text where any is."""
+    if not (rows := len(column)):
+        return part.copy()
+    numeric = part.dtype.kind in "iuf" and column.dtype.kind in "iuf"
+    column = column.astype(np.result_type(column, part) if numeric else object, copy=False)
+    # In place: pieces joined at the end would hold the columns twice.
+    column.resize(rows + len(part), refcheck=False)
+    column[rows:] = part
+    return column
+
+
 def choose(source: Source, table: str | None, there: Sequence[str], what: str) -> str:
     """Which of a file's tables is meant: the one named, or the only one.
 

@@ -13,7 +13,7 @@ from typing import BinaryIO
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.tables import HEAD_BYTES, Source, Table
+from sensorbook.recordings.tables import HEAD_BYTES, Source, Table, extended
 from sensorbook.units import UnitError, factor
 
 DELIMITERS = (",", ";", "\t", "|", r"\s+")
@@ -351,7 +351,7 @@ def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> di
             with frames:
                 for frame in frames:
                     for index in indices:
-                        columns[index] = _extended(columns[index], frame[index].to_numpy())
+                        columns[index] = extended(columns[index], frame[index].to_numpy())
                     rows += len(frame)
     except pandas.errors.EmptyDataError:
         return columns
@@ -362,18 +362,6 @@ def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> di
         ) from None  # fmt: skip
     _check_width(text, layout, rows, file)
     return columns
-
-
-def _extended(column: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """A column with its next piece: integers where all are, text where any is."""
-    if not (rows := len(column)):
-        return part.copy()
-    numeric = part.dtype.kind in "iuf" and column.dtype.kind in "iuf"
-    column = column.astype(np.result_type(column, part) if numeric else object, copy=False)
-    # In place: pieces joined at the end would hold the columns twice.
-    column.resize(rows + len(part), refcheck=False)
-    column[rows:] = part
-    return column
 
 
 def _check_width(text: _Text, layout: Layout, rows: int, file: str) -> None:
