@@ -313,10 +313,11 @@ def test_an_image_of_absurd_size_is_refused_unread(folder):
     path = folder(CAMERA)
     (path / "images").mkdir()
     for name, side in (("a.png", 16), ("b.png", 60_000)):
-        header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
-        chunk = struct.pack(">I", len(header)) + b"IHDR" + header
-        chunk += struct.pack(">I", zlib.crc32(b"IHDR" + header))
-        (path / "images" / name).write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
+        size = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+        parts = [(b"IHDR", size), (b"IDAT", zlib.compress(b"")), (b"IEND", b"")]
+        chunks = (struct.pack(">I", len(of)) + name_ + of + struct.pack(">I", zlib.crc32(name_ + of))
+                  for name_, of in parts)  # fmt: skip
+        (path / "images" / name).write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
     (path / "poses.csv").write_text("image,x\na.png,1\nb.png,2\n")
     (problem,) = check(path)[0]
     assert str(problem).startswith("images/b.png: declares ")

@@ -15,7 +15,6 @@ from sensorbook.recordings.recording import Finding, html_table, plain
 from sensorbook.recordings.schema import FILE, Declared
 from sensorbook.recordings.tables import open_table
 
-
 MAX_PIXELS = 100_000_000  # twice the largest sensor that flies; a header can declare anything
 
 
