@@ -159,7 +159,8 @@ def _check_end(source: Source, tail: str, line: int, layout: Layout) -> None:
     usual = Counter(len(row) for row in before if row).most_common(1)[0][0] if any(before) else 0
     if not cells or not usual:
         return
-    ends = [_decimals(row[-1], layout.decimal) for row in before if len(row) == usual]
+    ends = [_decimals(row[-1], layout.decimal) for row in before
+            if len(row) == usual and not _is_header(row)]  # fmt: skip
     broken = (
         len(cells) < usual
         or re.fullmatch(r"[+-]|.*\d[eE][+-]?", cells[-1])
