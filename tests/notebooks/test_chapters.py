@@ -12,7 +12,7 @@ import nbclient
 import nbformat
 import numpy as np
 import pytest
-from browser import CHROMIUM, Opened
+from browser import CHROMIUM, Opened, examine, sheets
 from devices import render, rest, sweep, write
 
 from sensorbook.reporting import chapters
@@ -145,6 +145,17 @@ def test_demo_thermal_against_truth(demo):
                 assert found["jump"] is None
                 assert found["rms_check"] <= 1.1 * best
             assert found["rms_after"] < 0.1 * found["rms_before"]
+
+
+@pytest.mark.skipif(not CHROMIUM, reason="no Chromium to open the pages with")
+def test_demo_pages_fit_telephone_and_paper(demo, tmp_path):
+    pages = [demo.folder / "index.html", *demo.folder.glob("gyroscope/*.html")]
+    assert len(pages) == 1 + len(NOTEBOOKS)
+    for page in pages:
+        seen = examine(page, tmp_path, [(390, "light")])["390 light"]
+        assert (seen["scroll"], seen["wide"]) == (seen["client"], []), page
+        assert [v for v in seen["violations"] if v["impact"] in ("serious", "critical")] == [], page
+    assert sheets(pages[0], tmp_path) == 1
 
 
 def test_demo_pages_tell_the_demo_s_facts(demo):

@@ -70,6 +70,7 @@ def chapter_page(notebook: nbformat.NotebookNode, record: dict[str, Any]) -> str
     last = next((i for i, cell in enumerate(notebook.cells) if _refused(cell)), None)
     shown = notebook if last is None else {**notebook, "cells": notebook.cells[: last + 1]}
     body, _ = exporter.from_notebook_node(nbformat.from_dict(shown))
+    body = body.replace("<th></th>", "<td></td>")  # an empty header is read out as one
     title = next((text for level, _, text in exporter.headings if level == 1), record["title"])
     contents = [heading for heading in exporter.headings if heading[0] in (2, 3)]
     return (
@@ -149,7 +150,7 @@ class _Renderer(IPythonRenderer):
         return f'<div class="scroll" tabindex="0"><table>\n{text}</table></div>\n'
 
     def block_math(self, body: str) -> str:
-        return f'<div class="math">{mathml(body, "block")}</div>\n'
+        return f'<div class="math" tabindex="0">{mathml(body, "block")}</div>\n'
 
     def inline_math(self, body: str) -> str:
         return mathml(body, "inline")
