@@ -201,6 +201,9 @@ def _source(path: Path, file: str) -> tuple[Source, ModuleType]:
         if any(chunk.strip(b" \t\r\n\0") for chunk in source.chunks()):
             raise source.wrong("begins with 64 KiB of nothing", "copy it again, or cut it off")
         raise source.wrong("is empty", "name a file that holds the recording")
+    # A file cut within its first bytes could pass for text.
+    if len(head) > 3 and any(len(head) < len(m) and m.startswith(head) for m in READERS):
+        raise source.wrong("is cut off", "copy it again")
     for magic, name in NOT_YET.items():
         if head.startswith(magic):
             raise source.wrong(
