@@ -72,7 +72,7 @@ def matlab5_struct(path, columns):
 def netcdf(kind):
     def write(path, columns):
         with netCDF4.Dataset(path, "w", format=kind) as file:
-            file.createDimension("time", COUNT)
+            file.createDimension("time", len(columns["t"]))
             for name, values in columns.items():
                 variable = file.createVariable(name, values.dtype, ("time",))
                 variable[:] = values
