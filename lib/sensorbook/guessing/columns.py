@@ -57,7 +57,7 @@ def read_columns(table: Table) -> list[Column]:
 def _as_numbers(column: np.ndarray) -> tuple[np.ndarray | None, bool]:
     """Numbers of a column, and whether they stand for dates; None where it holds text."""
     if column.dtype.kind in "iuf":
-        return column.astype(np.float64), False
+        return column.astype(np.float64, copy=False), False
     if column.dtype.kind == "M":
         return column.astype("datetime64[ns]").astype(np.int64) / 1e9, True
     import pandas

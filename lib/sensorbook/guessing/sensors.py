@@ -43,13 +43,13 @@ class Triple:
     def of(cls, columns: Sequence[Column], clock: Clock) -> Triple:
         raw = np.stack([c.values for c in columns], axis=1)
         raw[~np.isfinite(raw).all(axis=1)] = np.nan
-        finite = raw[np.isfinite(raw[:, 0])]
+        finite = _finite(raw)
         offset = scales.converter_offset(finite) if len(finite) else 0.0
-        return cls(columns, clock, raw - offset, offset)
+        return cls(columns, clock, raw - offset if offset else raw, offset)
 
     @property
     def finite(self) -> np.ndarray:
-        return self._kept("finite", lambda: self.values[np.isfinite(self.values[:, 0])])
+        return self._kept("finite", lambda: _finite(self.values))
 
     @property
     def as_field(self) -> Motion:
@@ -79,6 +79,12 @@ class Triple:
         if key not in self._cache:
             self._cache[key] = make()
         return self._cache[key]
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    """The rows that are numbers; all of a long record need no copy."""
+    good = np.isfinite(values[:, 0])
+    return values if good.all() else values[good]
 
 
 def find_sensors(triples: Sequence[Triple], told: str) -> None:
