@@ -14,7 +14,10 @@ from sensorbook.reporting.chapters import Chapter
 from sensorbook.reporting.run import report
 
 PARAMETERS = 'device = "../data/device"\nsensor = "gyroscope"'
-NASTY = 'A "<script>alert(1)</script>" & [link](http://evil.example) `{braces}` $x$ **b**'
+NASTY = (
+    'A "<script>alert(1)</script>"><img src="http://127.0.0.1:9/1.png" onerror="alert(1)"> & '
+    "[link](http://evil.example) `{braces}` {{7*7}} ]]> $x$ **b**"
+)
 
 DEVICE = """schema = 1
 id = "{id}"

@@ -21,7 +21,7 @@ from markupsafe import Markup
 
 from sensorbook import units
 from sensorbook.reporting.index import SYMBOLS, quantity_name, quantity_unit
-from sensorbook.reporting.render import TEMPLATES, environment
+from sensorbook.reporting.render import TEMPLATES, page
 from sensorbook.reporting.results import AXES, overall
 
 LARGEST = 64 << 20  # bytes of a results.json that is read
@@ -89,25 +89,22 @@ def group_page(root: Path) -> str:
     script = (TEMPLATES / "group.js").read_text(encoding="utf-8")
     attention = [row for row in rows if row.attention]
     outliers = [row for row in rows if row.outlying and not row.attention]
-    return (
-        environment()
-        .get_template("group.html.j2")
-        .render(
-            summary=_summary(rows),
-            attention=attention[:LISTED],
-            more=len(attention) - LISTED,
-            outliers=outliers[:LISTED],
-            more_outliers=len(outliers) - LISTED,
-            spreads=spreads,
-            models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
-                    for model, members in models],
-            several=len(models) > 1 or bool(models and models[0][0]),
-            columns=[(*c, quantity_name(*c), quantity_unit(*c)[0]) for c in columns],
-            count=len(rows),
-            script=Markup(script),
-            hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-            group_style=Markup((TEMPLATES / "group.css").read_text(encoding="utf-8")),
-        )
+    return page(
+        "group",
+        summary=_summary(rows),
+        attention=attention[:LISTED],
+        more=len(attention) - LISTED,
+        outliers=outliers[:LISTED],
+        more_outliers=len(outliers) - LISTED,
+        spreads=spreads,
+        models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
+                for model, members in models],
+        several=len(models) > 1 or bool(models and models[0][0]),
+        columns=[(*c, quantity_name(*c), quantity_unit(*c)[0]) for c in columns],
+        count=len(rows),
+        script=Markup(script),
+        hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        group_style=Markup((TEMPLATES / "group.css").read_text(encoding="utf-8")),
     )  # fmt: skip
 
 
@@ -204,7 +201,7 @@ def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
     for status in ("failed", "refused"):
         for chapter in [c for c in found["chapters"] if c["status"] == status][:2]:
             reason = (str(chapter.get("reason") or "").splitlines() or [""])[0]
-            yield f"{chapter['sensor']} {str(chapter['title']).lower()} {status}: {reason}"
+            yield f"{chapter['sensor']}, {chapter['title']}: {status}, {reason.rstrip('.')}"
 
 
 def _error(low: Any, high: Any) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 from sensorbook import units
 from sensorbook.notebook import duration_words
 from sensorbook.reporting.chapters import CHAPTERS
-from sensorbook.reporting.render import environment
+from sensorbook.reporting.render import page
 from sensorbook.reporting.results import AXES, overall
 
 _LINES = 6  # checks told in the banner
@@ -55,34 +55,31 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
         (*(s for s, _ in ordered), *(chapter["sensor"] for chapter in found["chapters"]))
     )
     other = [check for check in found["checks"] if check["sensor"] not in found["sensors"]]
-    return (
-        environment()
-        .get_template("device.html.j2")
-        .render(
-            found=found,
-            banner=_banner(found),
-            doubtful=_doubtful(found.get("guesses", [])),
-            chapters=[
-                (
-                    sensor,
-                    [_chapter_card(c, folder) for c in found["chapters"] if c["sensor"] == sensor],
-                )
-                for sensor in names
-            ],
-            warnings=[
-                (sensor, listed)
-                for sensor in names
-                if (listed := [_warning(w) for w in found["warnings"] if w["sensor"] == sensor])
-            ],
-            sensors=sensors,
-            unjudged=sorted(
-                {
-                    (check["sensor"], quantity_name(check["sensor"], check["quantity"]))
-                    for check in other
-                }
-            ),
-            inputs=[_input_row(recording) for recording in found["inputs"]],
-        )
+    return page(
+        "device",
+        found=found,
+        banner=_banner(found),
+        doubtful=_doubtful(found.get("guesses", [])),
+        chapters=[
+            (
+                sensor,
+                [_chapter_card(c, folder) for c in found["chapters"] if c["sensor"] == sensor],
+            )
+            for sensor in names
+        ],
+        warnings=[
+            (sensor, listed)
+            for sensor in names
+            if (listed := [_warning(w) for w in found["warnings"] if w["sensor"] == sensor])
+        ],
+        sensors=sensors,
+        unjudged=sorted(
+            {
+                (check["sensor"], quantity_name(check["sensor"], check["quantity"]))
+                for check in other
+            }
+        ),
+        inputs=[_input_row(recording) for recording in found["inputs"]],
     )
 
 

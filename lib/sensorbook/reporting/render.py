@@ -73,11 +73,13 @@ def chapter_page(notebook: nbformat.NotebookNode, record: dict[str, Any]) -> str
     body = body.replace("<th></th>", "<td></td>")  # an empty header is read out as one
     title = next((text for level, _, text in exporter.headings if level == 1), record["title"])
     contents = [heading for heading in exporter.headings if heading[0] in (2, 3)]
-    return (
-        environment()
-        .get_template("chapter.html.j2")
-        .render(title=title, contents=contents, body=Markup(body), record=record)
-    )
+    return page("chapter", title=title, contents=contents, body=Markup(body), record=record)
+
+
+def page(template: str, **shown: Any) -> str:
+    """A page made from a template; marks that reverse the reading order are made visible."""
+    made = environment().get_template(f"{template}.html.j2").render(**shown)
+    return re.sub("[\u202a-\u202e\u2066-\u2069]", "\ufffd", made)
 
 
 def _refused(cell: nbformat.NotebookNode) -> bool:
