@@ -270,16 +270,19 @@ def _normalise(spelling: str) -> str:
 def _parse(spelling: str, target: str):
     """The pint unit of a spelling; `target` chooses the examples of the error."""
     kind, examples = _DESCRIPTIONS.get(target, (f"a unit of {target}", target))
-    unknown = UnitError(
-        f"{_shown(spelling)} is not a unit sensorbook knows", f"write {kind} such as {examples}"
-    )
+
+    def unknown() -> UnitError:  # made when raised: kept, it would keep its callers' arrays
+        return UnitError(
+            f"{_shown(spelling)} is not a unit sensorbook knows", f"write {kind} such as {examples}"
+        )
+
     if not isinstance(spelling, str) or len(spelling) > 40:
-        raise unknown
+        raise unknown()
     text, tokens, position = _normalise(spelling), [], 0
     while position < len(text):
         match = _TOKEN.match(text, position)
         if not match:
-            raise unknown
+            raise unknown()
         tokens.append(match.group().strip())
         position = match.end()
     try:
@@ -287,7 +290,7 @@ def _parse(spelling: str, target: str):
         unit = parser.product()
         parser.finish()
     except (ValueError, ZeroDivisionError):
-        raise unknown from None
+        raise unknown() from None
     return unit
 
 
