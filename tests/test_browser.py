@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browser import CHROMIUM, Opened
 
+from sensorbook.cli import main
 from sensorbook.reporting import chapters
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from throwaway import FIGURE, LOAD, NASTY, NOISE, chapter, run, write_device, write_notebook
 
+REVERSED = " \u202egnp.exe\u2066"  # reads backwards from here on
+FILE = '"><img src=1.png onerror=alert(1)><script>alert(1)<script> {{7-7}} $a$.csv'
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason="no Chromium to open the pages with")
 
 
@@ -28,7 +35,14 @@ def reports(tmp_path_factory):
         NOISE,
         FIGURE,
     )
-    device = write_device(folder / "d", "dev-1", [("gyroscope", "static")], NASTY)
+    device = write_device(folder / "d", "dev-1", [("gyroscope", "static")], NASTY + REVERSED)
+    declaration = device / "device.toml"
+    text = declaration.read_text(encoding="utf-8")
+    more = f"model = '''{NASTY}'''\nserial = '''{NASTY + REVERSED}'''\n"
+    text = text.replace("\n[[recording]]", more + "\n[[recording]]", 1)
+    text = text.replace("data.csv", FILE).replace('file = "', "file = '").replace('.csv"', ".csv'")
+    declaration.write_text(text, encoding="utf-8")
+    (device / "data.csv").rename(device / FILE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chapters, "CHAPTERS", (chapter("allan", notebook),))
         done = run([device], folder / "out")
@@ -42,6 +56,37 @@ def test_a_page_opens_silently_and_alone(reports, tmp_path, page):
     assert "dev-1" in opened.dom
     assert opened.console == []
     assert opened.requests == set()
+    assert_inert(opened.dom)
+
+
+def assert_inert(dom: str) -> None:
+    """What the input's words would become if they were taken for HTML, for a template or for order."""
+    assert re.search(r"{{7[*-]7}}", dom)
+    assert not re.search(r"<img [^>]*(1\.png|onerror)|<script>alert|<a [^>]*evil", dom)
+    assert not re.search("[\u202a-\u202e\u2066-\u2069]", dom)
+
+
+def test_a_bare_log_with_nasty_columns(tmp_path):
+    """The index shows the guesses, hence the columns' names; the noise chapters the file's."""
+    nasty = f"{FILE[:-4]} ]]> [l](http:evil){REVERSED}"
+    values = np.random.default_rng(4).normal(size=(1200, 3))  # 1000 are the least for a chapter
+    table = np.column_stack([np.arange(1200) / 20, 0.02 * values])
+    header = ",".join(["time <b>", *(f"gyro_{axis} {nasty}" for axis in "xyz")])
+    log = tmp_path / FILE
+    np.savetxt(log, table, "%.6g", ",", header=header, comments="", encoding="utf-8")
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        code = main(["report", str(log), "--out", str(tmp_path / "out"), "--only", "allan"])
+    assert code == 0, said.getvalue()
+    pages = sorted(tmp_path.glob("out/**/*.html"))
+    assert [p.name for p in pages] == ["allan.html", "index.html", "index.html"]
+    for page in pages:
+        opened = Opened(page, tmp_path)
+        assert (opened.console, opened.requests) == ([], set()), page
+        assert_inert(opened.dom)
+    shown = pages[1].read_text(encoding="utf-8")
+    assert "gyro_x" in shown
+    assert "\ufffdgnp.exe\ufffd" in shown
 
 
 def test_the_detector_can_fail(tmp_path):
