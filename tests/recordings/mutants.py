@@ -101,12 +101,12 @@ class Format:
     tells : "all" where a checksum covers every value; "length" where a value overwritten is but
         another value, while bytes lost or added are told; "lines" for text, where a line
         more, less or other is but another line, while lines that were not touched stay as they are
-    spreads : True where a byte can change more values than it holds, by compression or an encoding
+    spread : most values that one byte can change: a row of a database, more by compression
     """
 
     write: Callable[[Path, dict[str, np.ndarray]], None]
     tells: str
-    spreads: bool = False
+    spread: float = 1.0
 
 
 FORMATS = {
@@ -115,8 +115,8 @@ FORMATS = {
     "fixed-width": Format(fixed_width, "lines"),
     "npz": Format(npz, "all"),
     "npz-compressed": Format(npz_compressed, "all"),
-    "parquet": Format(WRITERS["parquet"], "length", spreads=True),
-    "feather": Format(WRITERS["feather"], "length", spreads=True),
+    "parquet": Format(WRITERS["parquet"], "length", np.inf),
+    "feather": Format(WRITERS["feather"], "length", np.inf),
     "hdf5": Format(hdf5_plain, "length"),
     "hdf5-gzip": Format(WRITERS["hdf5"], "length"),
     "matlab5": Format(WRITERS["matlab5"], "length"),
@@ -124,7 +124,7 @@ FORMATS = {
     "matlab7.3": Format(matlab73, "length"),
     "netcdf3": Format(WRITERS["netcdf3"], "length"),
     "netcdf4": Format(WRITERS["netcdf4"], "length"),
-    "sqlite": Format(WRITERS["sqlite"], "length"),
+    "sqlite": Format(WRITERS["sqlite"], "length", len(NAMES)),
 }
 
 
@@ -217,12 +217,8 @@ def fault(form: Format, whole: bytes, written: list, made: Mutant, got: list) ->
         return ""
     if form.tells == "all" or made.operation not in ("flip", "zero"):
         return f"{differing} values differ"
-    touched = made.stop - made.start
-    return (
-        ""
-        if form.spreads or differing <= touched + 1
-        else f"{differing} values differ, {touched} B"
-    )
+    most = form.spread * (made.stop - made.start + 1)
+    return "" if differing <= most else f"{differing} values differ, of {most:g} touched"
 
 
 def _differing(written: list, got: list, form: Format) -> int:

@@ -27,6 +27,10 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     """Opens one table of a database."""
     with closing(_connected(source)) as database:
         name = choose(source, table, _tables(source, database), "table")
+        # Damage in the tree of pages could lose rows or give them twice.
+        whole = _run(source, database, f"PRAGMA quick_check({_quoted(name)})")
+        if _fetch(source, whole) != [("ok",)]:
+            raise _damaged(source)
         columns = tuple(
             row[1] for row in _run(source, database, f"PRAGMA table_info({_quoted(name)})")
         )

@@ -54,7 +54,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         raise source.wrong("is text and holds one table only", mend, f"table {table!r}")
     text = _Text.of(source)
     lines = text.head.splitlines()
-    if text.is_cut:
+    # A last line without an end may be broken off: the layout is told by those before it.
+    if text.is_cut or (len(lines) > 5 and not text.head.endswith(("\n", "\r"))):
         lines = lines[:-1]
     layout = find_layout(lines, [w for w in wanted if isinstance(w, str)])
     if layout is None:
