@@ -226,8 +226,8 @@ class Device:
     # ---- reading ----
 
     def take_tables(self, tables: dict[tuple[str, str | None], Table]) -> None:
-        """Tables that are open already, by file and table name: they are not read again."""
-        self._tables = dict(tables)
+        """Tables that are open already, by file and table name; each is taken out once it is read."""
+        self._tables = tables
 
     def _get(self, declared: Declared) -> Recording | Images | InputError:
         if declared.number not in self._read:
@@ -270,7 +270,8 @@ class Device:
 
     def _open_table(self, declared: Declared, wanted) -> Table:
         name = declared.table.get("table")
-        table = self._tables.get((declared.file, name))
+        # All recordings of a table are read together: it need not stay in memory with them.
+        table = self._tables.pop((declared.file, name), None)
         if table is None:
             path = resolve(self._folder, declared.file, f"{declared.label}: file")
             table = open_table(path, declared.file, name, wanted)
