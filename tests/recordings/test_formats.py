@@ -15,6 +15,7 @@ from scipy.io import savemat
 import sensorbook
 from sensorbook import InputError
 from sensorbook.recordings import check, open_table
+from sensorbook.recordings.assemble import stamps
 from sensorbook.recordings.tables import table_names
 
 COUNT = 400
@@ -179,6 +180,40 @@ def test_time_stamps_of_parquet(tmp_path):
     column = open_table(tmp_path / "a.parquet").column("t")
     assert column.dtype == "datetime64[ns]"
     assert (np.diff(column) == np.timedelta64(10, "ms")).all()
+
+
+def test_durations_of_parquet_keep_their_unit(tmp_path):
+    steps = pyarrow.array([10, 20, None, 40], pyarrow.duration("ms"))
+    daytimes = pyarrow.array([10, 20, None, 40], pyarrow.time32("ms"))
+    table = pyarrow.table({"t": steps, "day": daytimes})
+    pyarrow.parquet.write_table(table, tmp_path / "a.parquet")
+    read = open_table(tmp_path / "a.parquet")
+    for name in ("t", "day"):
+        seconds, start = stamps(read, name, "s")
+        np.testing.assert_allclose(seconds, [0, 0.01, np.nan, 0.03], rtol=1e-15)  # rounding
+        assert start == pytest.approx(0.01, rel=1e-15)
+
+
+def test_columns_of_one_name_are_told_apart_by_index(tmp_path):
+    arrays = [pyarrow.array([k, k + 1.0]) for k in (1, 3, 5)]
+    table = pyarrow.Table.from_arrays(arrays, names=["x", "x.y", "x"])
+    pyarrow.parquet.write_table(table, tmp_path / "a.parquet")
+    with pyarrow.ipc.new_file(tmp_path / "a.arrow", table.schema) as writer:
+        writer.write_table(table)
+    for path in (tmp_path / "a.parquet", tmp_path / "a.arrow"):
+        read = open_table(path)
+        assert [read.column(k).tolist() for k in range(3)] == [[1, 2], [3, 4], [5, 6]]
+
+
+def test_units_in_the_metadata_of_arrow_fields(tmp_path):
+    field = pyarrow.field("x", pyarrow.float64(), metadata={"unit": "deg/s"})
+    table = pyarrow.table({"x": [1.0], "y": [2.0]}).cast(
+        pyarrow.schema([field, pyarrow.field("y", pyarrow.float64())])
+    )
+    pyarrow.parquet.write_table(table, tmp_path / "a.parquet")
+    feather.write_feather(table, str(tmp_path / "a.feather"))
+    for path in (tmp_path / "a.parquet", tmp_path / "a.feather"):
+        assert open_table(path).units == ("deg/s", "")
 
 
 MIXED = """

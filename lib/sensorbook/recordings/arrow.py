@@ -31,7 +31,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
             schema, rows = reader.schema, None
         names = tuple(schema.names)
     except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
-        raise _damaged(source, error) from None
+        raise _damaged(source) from None
     if rows is not None and rows * 8 > MAX_BYTES:
         raise too_large(source.file)
 
@@ -45,15 +45,19 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
                         part = ipc.open_file(stream, options=options).read_all()
                 else:
                     parts = [
-                        file.read_row_group(k, columns=[_path(file, index)])
+                        file.read_row_group(k, columns=[names[index]])
                         for k in range(file.metadata.num_row_groups)
                     ]
                     part = pyarrow.concat_tables(parts) if parts else schema.empty_table()
-                out[index] = _values(source, part.column(0), schema.field(index).name)
-            except (pyarrow.ArrowException, OSError, ValueError, KeyError, OverflowError) as error:
+                # Parquet reads by name, which gives all columns of one name in their order.
+                there = [k for k, name in enumerate(part.column_names) if name == names[index]]
+                which = names[:index].count(names[index]) if len(there) > 1 else 0
+                out[index] = _values(source, part.column(there[which]), names[index])
+            except (pyarrow.ArrowException, OSError, ValueError, LookupError,
+                    OverflowError) as error:  # fmt: skip
                 if isinstance(error, InputError):
                     raise
-                raise _damaged(source, error) from None
+                raise _damaged(source) from None
         return out
 
     units = tuple(
@@ -64,26 +68,27 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     return Table(source.file, names, read, units=units)
 
 
-def _path(file, index: int) -> str:
-    """How Parquet names a column at the top level."""
-    return file.schema_arrow.field(index).name
-
-
 def _values(source: Source, column, name: str) -> np.ndarray:
-    """A column's values; nulls are NaN among numbers, and text stays text."""
+    """A column's values; nulls are NaN among numbers, and text stays text.
+
+    Durations and times of day are moments after 1970, since numbers would lose their unit.
+    """
+    import pyarrow
     from pyarrow import types
 
     kind = column.type
     if types.is_dictionary(kind):
         column = column.cast(kind.value_type)
         kind = column.type
+    if types.is_duration(kind) or types.is_time(kind):
+        whole = column.cast("int32") if types.is_time32(kind) else column
+        column = whole.cast("int64").cast(pyarrow.timestamp(kind.unit))
+        kind = column.type
     if types.is_timestamp(kind) or types.is_date(kind):
         column = column.cast("timestamp[ns]")
         return column.to_numpy().astype("datetime64[ns]")
     if types.is_decimal(kind) or types.is_boolean(kind) or types.is_float16(kind):
         column = column.cast("float64") if not types.is_boolean(kind) else column.cast("int8")
-    elif types.is_duration(kind) or types.is_time(kind):
-        column = column.cast("int64")
     elif not (types.is_integer(kind) or types.is_floating(kind) or types.is_string(kind)
               or types.is_large_string(kind)):  # fmt: skip
         raise source.wrong(f"holds {kind} values", "save plain numbers", f"column {name!r}")
@@ -92,7 +97,7 @@ def _values(source: Source, column, name: str) -> np.ndarray:
     return column.to_numpy()
 
 
-def _damaged(source: Source, error: Exception) -> InputError:
+def _damaged(source: Source) -> InputError:
     kind = "Parquet" if source.head.startswith(b"PAR1") else "Feather"
     return source.wrong(
         f"is a damaged {kind} file, or one that is cut off", "save or copy it again"
