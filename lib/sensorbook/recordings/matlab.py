@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-import struct
 import warnings
-import zlib
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sensorbook.errors import InputError
 from sensorbook.recordings.arrays import Place, Variable, places_of, tables_of
-from sensorbook.recordings.tables import MAX_BYTES, Source, Table, too_large
+from sensorbook.recordings.mat5 import check_elements, damaged
+from sensorbook.recordings.tables import MAX_BYTES, Source, Table
 
 _OBJECTS = ("object", "opaque", "function")
 _BATCH = 1 << 18  # values loaded at one go to learn what a file holds
@@ -61,11 +59,11 @@ def _variables(source: Source) -> list[Variable]:
     """Every array of real numbers in the file."""
     from scipy.io import whosmat
 
-    _check_size(source)
+    check_elements(source, MAX_BYTES)
     try:
         listed = whosmat(source.path)
     except Exception:  # scipy raises whatever its parser stumbles over
-        raise _damaged(source) from None
+        raise damaged(source) from None
     found: list[Variable] = []
     batch: list[str] = []
     values = 0
@@ -103,7 +101,7 @@ def _loaded(source: Source, names: Sequence[str]) -> dict[str, np.ndarray]:
                 source.path, variable_names=list(names), verify_compressed_data_integrity=True
             )
     except Exception:  # scipy raises whatever its parser stumbles over
-        raise _damaged(source) from None
+        raise damaged(source) from None
     return {path: array for name in names for path, array in _arrays(held.get(name), name)}
 
 
@@ -115,38 +113,3 @@ def _arrays(value, path: str, depth: int = 0) -> Iterator[tuple[str, np.ndarray]
             yield from _arrays(value[name].flat[0], f"{path}/{name}", depth + 1)
     elif value.dtype.kind in "iuf" and value.ndim == 2:
         yield path, value
-
-
-def _damaged(source: Source) -> InputError:
-    return source.wrong("is a damaged MATLAB file, or one that is cut off", "save or copy it again")
-
-
-def _check_size(source: Source) -> None:
-    """Raises where compressed variables would inflate beyond all measure, or the file is cut.
-
-    A file is a header of 128 bytes and elements, each with its type and size in bytes (MATLAB's
-    MAT-File Format, 2022, 1-5); type 15 is compressed.
-    """
-    total, size = 0, source.path.stat().st_size
-    order = "<" if source.head[126:128] == b"IM" else ">"
-    with source.path.open("rb") as stream:
-        at = 128
-        while at + 8 <= size:
-            stream.seek(at)
-            kind, length = struct.unpack(f"{order}II", stream.read(8))
-            if at + 8 + length > size:
-                raise source.wrong("is cut off", "copy it again")
-            if kind == 15:
-                inflate, left = zlib.decompressobj(), length
-                while left > 0 and not inflate.eof:
-                    chunk = stream.read(min(left, 1 << 20))
-                    left -= len(chunk)
-                    while chunk:
-                        try:
-                            total += len(inflate.decompress(chunk, 1 << 20))
-                        except zlib.error:
-                            return  # what reads it will say that it is damaged
-                        chunk = inflate.unconsumed_tail
-                        if total > MAX_BYTES:
-                            raise too_large(source.file)
-            at += 8 + length
