@@ -27,7 +27,7 @@ from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.recording import html_table
 
 MIME = "application/vnd.sensorbook+json"
-DPI = 160  # pixels an inch; shown at 96, so that figures stay crisp on dense screens
+DPI = 192  # pixels an inch; shown at 96, so that figures stay crisp on dense screens
 
 
 def load(folder: str, sensor: str, kind: str) -> tuple[sensorbook.Device, tuple]:
