@@ -30,7 +30,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
             reader = ipc.open_file(pyarrow.memory_map(str(source.path)))
             schema, rows = reader.schema, None
         names = tuple(schema.names)
-    except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
+    except (pyarrow.ArrowException, OSError, ValueError, OverflowError):
         raise _damaged(source) from None
     if rows is not None and rows * 8 > MAX_BYTES:
         raise too_large(source.file)
@@ -49,6 +49,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
                         for k in range(file.metadata.num_row_groups)
                     ]
                     part = pyarrow.concat_tables(parts) if parts else schema.empty_table()
+                if rows not in (None, part.num_rows):
+                    raise _damaged(source)  # a damaged page gives fewer
                 # Parquet reads by name, which gives all columns of one name in their order.
                 there = [k for k, name in enumerate(part.column_names) if name == names[index]]
                 which = names[:index].count(names[index]) if len(there) > 1 else 0
