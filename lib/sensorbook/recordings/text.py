@@ -20,6 +20,7 @@ DELIMITERS = (",", ";", "\t", "|", r"\s+")
 _ROWS = 1 << 16  # rows parsed at one go
 _PREAMBLE = 20
 _COMMENT = ("#", "%")
+_COMMENT_LINE = re.compile(rb"(?:\A|\n)[ \t]*[#%]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d.*)?")
@@ -77,14 +78,14 @@ class _Text:
     ----------
     head : its beginning; `is_cut` where that ends within the text
     encoding : of the bytes that `open` gives
-    has_comments : a comment sign stands somewhere
+    has_comments : a line begins with a comment sign
     delimiters : number of delimiters after the lines before the data
     """
 
     def __init__(self, source: Source, data: bytes | None, encoding: str, head: str, is_cut: bool):
         self.source, self.encoding, self.head, self.is_cut = source, encoding, head, is_cut
         self._data = data  # where it had to be decoded as a whole
-        self.comment: str | None = None
+        self.has_comments = False
         self.delimiters = 0
 
     @classmethod
@@ -121,6 +122,11 @@ class _Text:
             stream.read(3)
         return stream
 
+    def open_without_comments(self) -> BinaryIO:
+        """The text with its comment lines empty; within a line the sign is part of a cell."""
+        stream = self.open()
+        return io.BufferedReader(_Uncommented(stream), 1 << 20) if self.has_comments else stream
+
     def chunks(self) -> Iterator[bytes]:
         return iter((self._data,)) if self._data is not None else self.source.chunks()
 
@@ -133,13 +139,37 @@ class _Text:
                 raise _nul(self.source, line + chunk[:at].count(b"\n"))
             line += chunk.count(b"\n")
             self.delimiters += chunk.count(sign) if sign else 0
-            if self.comment is None:
-                self.comment = next((c for c in _COMMENT if c.encode() in chunk), None)
+            if not self.has_comments and (b"#" in chunk or b"%" in chunk):
+                self.has_comments = bool(_COMMENT_LINE.search(tail[-100:] + chunk))
             tail = (tail + chunk)[-HEAD_BYTES // 2 :]
         before = self.head.splitlines(keepends=True)[: layout.skip]
         self.delimiters -= "".join(before).count(layout.delimiter) if sign else 0
         if tail and not tail.endswith((b"\n", b"\r", b"\0")):
             _check_end(self.source, tail.decode(self.encoding, "replace"), line, layout)
+
+
+class _Uncommented(io.RawIOBase):
+    """A text whose comment lines are empty, so that lines keep their numbers."""
+
+    def __init__(self, stream: BinaryIO):
+        self._stream, self._left = stream, b""
+
+    def readable(self) -> bool:
+        return True
+
+    def close(self) -> None:
+        self._stream.close()
+        super().close()
+
+    def readinto(self, target) -> int:
+        if not self._left:
+            lines = self._stream.readlines(len(target))
+            self._left = b"".join(
+                b"\n" if line.lstrip().startswith((b"#", b"%")) else line for line in lines
+            )
+        part, self._left = self._left[: len(target)], self._left[len(target) :]
+        target[: len(part)] = part
+        return len(part)
 
 
 def _check_end(source: Source, tail: str, line: int, layout: Layout) -> None:
@@ -331,14 +361,13 @@ def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> di
         "header": None,
         "skiprows": layout.skip,
         "decimal": layout.decimal,
-        "comment": text.comment,
         "encoding": text.encoding,
         "encoding_errors": "replace",
     }
     columns = {index: np.empty(0) for index in indices}
     rows = 0
     try:
-        with text.open() as stream:
+        with text.open_without_comments() as stream:
             if layout.edges:
                 edges = [layout.edges[index] for index in indices]
                 frames = pandas.read_fwf(
