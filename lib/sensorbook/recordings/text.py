@@ -369,10 +369,11 @@ def _parse(text: _Text, layout: Layout, indices: Sequence[int], file: str) -> di
     try:
         with text.open_without_comments() as stream:
             if layout.edges:
-                edges = [layout.edges[index] for index in indices]
+                # All columns: a row that is blank in those wanted would be passed over.
                 frames = pandas.read_fwf(
-                    stream, colspecs=edges, names=list(indices), chunksize=_ROWS, **common
-                )
+                    stream, colspecs=list(layout.edges), names=range(len(layout.names)),
+                    usecols=list(indices), index_col=False, chunksize=_ROWS, **common,
+                )  # fmt: skip
             else:
                 frames = pandas.read_csv(
                     stream, sep=layout.delimiter, names=range(len(layout.names)),
