@@ -154,10 +154,69 @@ def test_several_tables_ask_which(tmp_path, columns):
         open_table(path, table="both")
 
 
+def matlab73(path, columns):
+    """Written as MATLAB does: (1, N) for columns, text and logicals among them."""
+    with h5py.File(path, "w") as file:
+        held = {name: (values[None], b"double") for name, values in columns.items()}
+        held["unit"] = np.frombuffer(b"degrees per second", "u1").astype("u2")[:, None], b"char"
+        held["still"] = np.ones((1, COUNT), "u1"), b"logical"
+        for name, (values, kind) in held.items():
+            file[name] = values
+            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
+
+
+@pytest.mark.parametrize("ending", ["h5", "mat", "mat73"])
+def test_settings_text_and_logicals_beside_samples_are_no_columns(tmp_path, columns, ending):
+    path = tmp_path / f"log.{ending}"
+    if ending == "mat73":
+        matlab73(path, columns)
+    else:
+        settings = {"rate": 100.0, "bias": np.array([1.0, 2, 3]), "axes": np.eye(3)}
+        if ending == "mat":
+            savemat(path, columns | settings | {"still": columns["t"] > 1, "unit": "deg/s"})
+        else:
+            with h5py.File(path, "w") as file:
+                for name, value in (columns | settings).items():
+                    file[name] = value
+    assert set(open_table(path).names) == set(columns)
+
+
+def test_variables_of_several_lengths_are_told_by_the_columns_wanted(folder, rng):
+    path = folder(MIXED.replace("phone.db", "log.mat").replace('table = "Gyroscope"\n', "")
+                  .replace('table = "Accelerometer"\n', "").replace('time = "t"', 'time = "ta"', 2)
+                  .replace('"ta", x = "x", y = "y", z = "z"', '"tg", x = "g:0", y = "g:1", z = "g:2"', 1)
+                  .replace('x = "x", y = "y", z = "z"', 'x = "a:0", y = "a:1", z = "a:2"'))  # fmt: skip
+    values = {"tg": np.arange(1000) / 200, "g": rng.normal(size=(1000, 3)),
+              "ta": np.arange(500) / 100, "a": rng.normal(size=(500, 3))}  # fmt: skip
+    savemat(path / "log.mat", values)
+    device = sensorbook.load(path)
+    np.testing.assert_array_equal(device.gyroscope.static.values, values["g"])
+    np.testing.assert_array_equal(device.accelerometer.static.values, values["a"])
+    refused(
+        path / "log.mat",
+        'log.mat: holds 4 variables of samples — say which with table = "…"; variables: '
+        "'a', 'g', 'ta', 'tg'",
+    )
+
+
+def test_rows_of_a_database_keep_the_order_they_were_written_in(tmp_path):
+    rows = [(3.0, 30.0), (1.0, 10.0), (2.0, 20.0)]
+    with sqlite3.connect(tmp_path / "a.db") as database:
+        database.execute("CREATE TABLE android_metadata (locale)")
+        database.execute("INSERT INTO android_metadata VALUES ('en_GB')")
+        database.execute("CREATE TABLE a (x, rowid)")  # a name that hides SQLite's own
+        database.executemany("INSERT INTO a VALUES (?, ?)", rows)
+        database.execute("CREATE INDEX sorted ON a (x, rowid)")
+    table = open_table(tmp_path / "a.db")
+    assert list(zip(table.column("x"), table.column("rowid"), strict=True)) == rows
+
+
 def test_nulls_are_nan_and_fill_values_too(tmp_path, columns):
     values = [1, None, 3]
     pyarrow.parquet.write_table(pyarrow.table({"x": values}), tmp_path / "a.parquet")
     np.testing.assert_array_equal(open_table(tmp_path / "a.parquet").column("x"), [1, np.nan, 3])
+    pyarrow.parquet.write_table(pyarrow.table({"x": pyarrow.nulls(3)}), tmp_path / "a.parquet")
+    assert np.isnan(open_table(tmp_path / "a.parquet").column("x")).all()
     with sqlite3.connect(tmp_path / "a.db") as database:
         database.execute("CREATE TABLE a (x)")
         database.executemany("INSERT INTO a VALUES (?)", [(v,) for v in values])
@@ -172,6 +231,17 @@ def test_nulls_are_nan_and_fill_values_too(tmp_path, columns):
         np.testing.assert_array_equal(
             open_table(tmp_path / "a.nc").column("x"), [10.5, np.nan, 11.5]
         )
+
+
+@pytest.mark.parametrize("kind", ["NETCDF3_CLASSIC", "NETCDF4"])
+def test_values_never_written_to_netcdf_are_nan(tmp_path, kind):
+    with netCDF4.Dataset(tmp_path / "a.nc", "w", format=kind) as file:
+        file.createDimension("time", 3)
+        for name, dtype in (("x", "f4"), ("n", "i2"), ("m", "i4")):
+            file.createVariable(name, dtype, ("time",))[:2] = [1, 2]
+    table = open_table(tmp_path / "a.nc")
+    for name in "xnm":
+        np.testing.assert_array_equal(table.column(name), [1, 2, np.nan])
 
 
 def test_time_stamps_of_parquet(tmp_path):
@@ -355,5 +425,38 @@ def test_other_kinds_of_values_are_refused(tmp_path):
     refused(
         tmp_path / "a.parquet", "a.parquet: column 'x': holds list<element: int64> values — save"
     )
-    savemat(tmp_path / "a.mat", {"x": np.arange(5) * 1j, "s": "text"})
+    savemat(tmp_path / "a.mat", {"s": "text", "yes": np.arange(5) > 2})
     refused(tmp_path / "a.mat", "a.mat: holds no variables of samples")
+
+
+def test_complex_variables_are_refused_when_asked_for(tmp_path):
+    values = np.arange(20) * 1j
+    savemat(tmp_path / "a.mat", {"t": np.arange(20.0), "x": values})
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["t"], file["x"] = np.arange(20.0), values
+    pair = np.empty(20, dtype=[("real", "f8"), ("imag", "f8")])
+    pair["real"], pair["imag"] = values.real, values.imag
+    with h5py.File(tmp_path / "b.h5", "w") as file:  # as MATLAB v7.3 writes them
+        file["t"], file["x"] = np.arange(20.0)[None], pair[None]
+    for name in ("a.mat", "a.h5", "b.h5"):
+        assert open_table(tmp_path / name).column("t")[19] == 19
+        refused(tmp_path / name, f"{name}: variable 'x': holds complex values — save its real and")
+
+
+def test_a_matlab_table_cannot_be_read(tmp_path):
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["T"] = np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype="u4")
+        file["T"].attrs["MATLAB_class"] = np.bytes_("table")
+        file["T"].attrs["MATLAB_object_decode"] = np.int32(3)
+    refused(
+        tmp_path / "a.mat",
+        "a.mat: holds MATLAB objects only ('T'), such as tables — save the columns as plain",
+    )
+
+
+def test_groups_that_hold_themselves_come_to_an_end(tmp_path, columns):
+    hdf5_group(tmp_path / "log.h5", columns)
+    with h5py.File(tmp_path / "log.h5", "a") as file:
+        for k in range(8):
+            file[f"imu/again{k}"] = file["imu"]
+    assert table_names(tmp_path / "log.h5") == ("imu",)

@@ -89,8 +89,10 @@ def _values(source: Source, column, name: str) -> np.ndarray:
     if types.is_timestamp(kind) or types.is_date(kind):
         column = column.cast("timestamp[ns]")
         return column.to_numpy().astype("datetime64[ns]")
-    if types.is_decimal(kind) or types.is_boolean(kind) or types.is_float16(kind):
-        column = column.cast("float64") if not types.is_boolean(kind) else column.cast("int8")
+    if types.is_boolean(kind):
+        column = column.cast("int8")
+    elif types.is_decimal(kind) or types.is_float16(kind) or types.is_null(kind):
+        column = column.cast("float64")
     elif not (types.is_integer(kind) or types.is_floating(kind) or types.is_string(kind)
               or types.is_large_string(kind)):  # fmt: skip
         raise source.wrong(f"holds {kind} values", "save plain numbers", f"column {name!r}")

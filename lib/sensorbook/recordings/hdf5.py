@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensorbook.errors import InputError
-from sensorbook.recordings.arrays import Variable, places_of, tables_of
+from sensorbook.recordings.arrays import Variable, objects_only, places_of, tables_of
 from sensorbook.recordings.tables import Source, Table
 
 _ERRORS = (OSError, ValueError, RuntimeError, KeyError, TypeError, OverflowError, MemoryError)
 _MOST_OBJECTS = 10_000
 _DEEPEST = 8
+_DEFAULT_FILLS = {"f4": 9.969209968386869e36, "f8": 9.969209968386869e36, "i2": -32767, "u2": 65535,
+                  "i4": -2147483647, "u4": 4294967295, "i8": -9223372036854775806,
+                  "u8": 18446744073709551614}  # fmt: skip
 
 
 def table_names(source: Source) -> tuple[str, ...]:
@@ -23,13 +26,14 @@ def table_names(source: Source) -> tuple[str, ...]:
 def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
     """Opens a file; `table` names a group, an array or a compound data set."""
     variables = _variables(source)
-    places = places_of(source, tables_of(variables), table, "variable")
+    places = places_of(source, variables, table, wanted)
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
         out = {}
         with _opened(source) as file:
             for index in indices:
                 place = places[index]
+                place.check(source)
                 path, _, field = place.variable.path.partition("\0")
                 try:
                     data = file[path]
@@ -40,7 +44,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
                     else:
                         row = place.variable.is_row
                         column = data[place.column, :] if row else data[:, place.column]
-                    out[index] = _scaled(np.asarray(column), data.attrs)
+                    is_netcdf = "_NCProperties" in file.attrs
+                    out[index] = _scaled(np.asarray(column), data.attrs, is_netcdf)
                 except _ERRORS:
                     raise _damaged(source) from None
         return out
@@ -80,19 +85,33 @@ def _variables(source: Source) -> list[Variable]:
     import h5py
 
     found: list[Variable] = []
+    objects: list[str] = []
+    groups: set[int] = set()  # by address: one may hold itself
+    count = 0
 
     def look(group, path: str, depth: int) -> None:
+        nonlocal count
+        address = h5py.h5o.get_info(group.id).addr
+        if address in groups:
+            return
+        groups.add(address)
         for name in group:
-            if len(found) > _MOST_OBJECTS or depth > _DEEPEST or name.startswith("#"):
-                return  # "#refs#" are MATLAB's own
+            if depth > _DEEPEST or name.startswith("#"):
+                return  # "#refs#" and "#subsystem#" are MATLAB's own
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 continue  # soft and external links may lead out of the file, or round in it
             item = group[name]
+            count += 1
+            if count > _MOST_OBJECTS:
+                raise source.wrong(f"holds more than {_MOST_OBJECTS} groups and variables",
+                                   "save the columns of the recording alone")  # fmt: skip
             here = f"{path}/{name}" if path else name
-            if isinstance(item, h5py.Group):
+            if "MATLAB_object_decode" in item.attrs:
+                objects.append(here)
+            elif isinstance(item, h5py.Group):
                 look(item, here, depth + 1)
             elif isinstance(item, h5py.Dataset):
-                _note(source, item, here, found)
+                _note(item, here, found)
 
     with _opened(source) as file:
         try:
@@ -101,15 +120,21 @@ def _variables(source: Source) -> list[Variable]:
             if isinstance(error, InputError):
                 raise
             raise _damaged(source) from None
+    if objects and not found:
+        raise objects_only(source, objects)
     return found
 
 
-def _note(source: Source, item, here: str, found: list[Variable]) -> None:
+def _note(item, here: str, found: list[Variable]) -> None:
     if item.shape is None or item.is_virtual or item.external:
         return
     kind = item.dtype
+    matlab = _text(item.attrs.get("MATLAB_class"))
+    if matlab in ("char", "logical", "cell"):
+        return
     unit = _text(item.attrs.get("units", item.attrs.get("unit", "")))
-    if kind.names and len(item.shape) == 1:  # compound: a field a column
+    is_complex = kind.names == ("real", "imag")  # as MATLAB writes it
+    if kind.names and not is_complex and len(item.shape) == 1:  # compound: a field a column
         found += [
             Variable(f"{here}\0{name}", item.shape, kind[name].itemsize)
             for name in kind.names
@@ -117,8 +142,9 @@ def _note(source: Source, item, here: str, found: list[Variable]) -> None:
         ]
     elif _text(item.attrs.get("NAME")).startswith("This is a netCDF dimension but not"):
         return
-    elif kind.kind in "iuf" and "MATLAB_empty" not in item.attrs:
-        found.append(Variable(here, tuple(item.shape), kind.itemsize, unit))
+    elif "MATLAB_empty" not in item.attrs and (kind.kind in "iufc" or is_complex):
+        is_complex |= kind.kind == "c"
+        found.append(Variable(here, tuple(item.shape), kind.itemsize, unit, is_complex))
 
 
 def _text(value) -> str:
@@ -127,18 +153,26 @@ def _text(value) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _scaled(column: np.ndarray, attributes) -> np.ndarray:
+def _scaled(column: np.ndarray, attributes, is_netcdf: bool) -> np.ndarray:
     """Fill values as NaN, and packed values unpacked, as netCDF's conventions have it."""
     return unpacked(
         column, {k: attributes.get(k) for k in
-                 ("_FillValue", "missing_value", "scale_factor", "add_offset")}
+                 ("_FillValue", "missing_value", "scale_factor", "add_offset")}, is_netcdf
     )  # fmt: skip
 
 
-def unpacked(column: np.ndarray, attributes: dict) -> np.ndarray:
-    """A column as netCDF's attributes say: fill values are NaN, value = packed · scale + offset."""
+def unpacked(column: np.ndarray, attributes: dict, is_netcdf: bool = True) -> np.ndarray:
+    """A column as netCDF's attributes say: fill values are NaN, value = packed · scale + offset.
+
+    A netCDF variable that declares no fill value has its type's (NetCDF Users' Guide, Attribute
+    Conventions); types of one byte have none.
+    """
     fills = [np.asarray(attributes[k]).ravel() for k in ("_FillValue", "missing_value")
              if attributes.get(k) is not None]  # fmt: skip
+    default = _DEFAULT_FILLS.get(column.dtype.str[1:])
+    if is_netcdf and default is not None and attributes.get("_FillValue") is None:
+        fills.append(np.array([default], dtype=column.dtype))
+    missing = np.isin(column, np.concatenate(fills)) if fills else None
     scale, offset = attributes.get("scale_factor"), attributes.get("add_offset")
     missing = np.isin(column, np.concatenate(fills)) if fills else None
     packed = scale is not None or offset is not None

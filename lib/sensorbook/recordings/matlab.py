@@ -9,11 +9,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sensorbook.recordings.arrays import Place, Variable, places_of, tables_of
+from sensorbook.recordings.arrays import Place, Variable, objects_only, places_of, tables_of
 from sensorbook.recordings.mat5 import check_elements, damaged
 from sensorbook.recordings.tables import MAX_BYTES, Source, Table
 
 _OBJECTS = ("object", "opaque", "function")
+_NO_COLUMNS = ("char", "logical", "cell", "sparse")
 _BATCH = 1 << 18  # values loaded at one go to learn what a file holds
 
 
@@ -28,7 +29,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     Of the file's variables those with columns asked for are held, one at a time: scipy reads a
     variable as a whole, be it a wide matrix or a struct.
     """
-    places = places_of(source, tables_of(_variables(source)), table, "variable")
+    places = places_of(source, _variables(source), table, wanted)
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
         out = {}
@@ -37,6 +38,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
             arrays = _loaded(source, [name])
             for index in there:
                 place = places[index]
+                place.check(source)
                 array = arrays[place.variable.path]
                 column = array[place.column, :] if place.variable.is_row else array[:, place.column]
                 # A view would keep all of a matrix.
@@ -56,7 +58,7 @@ def _top(place: Place) -> str:
 
 
 def _variables(source: Source) -> list[Variable]:
-    """Every array of real numbers in the file."""
+    """Every array of numbers in the file."""
     from scipy.io import whosmat
 
     check_elements(source, MAX_BYTES)
@@ -68,30 +70,29 @@ def _variables(source: Source) -> list[Variable]:
     batch: list[str] = []
     values = 0
     for name, shape, kind in listed:
-        if kind in _OBJECTS:
+        if kind in (*_OBJECTS, *_NO_COLUMNS):
             continue
         batch.append(name)
         # A struct's size is not told: it is loaded alone.
-        values += _BATCH if kind in ("struct", "cell") else math.prod(map(int, shape))
+        values += _BATCH if kind == "struct" else math.prod(map(int, shape))
         if values >= _BATCH:
             found += _described(source, batch)
             batch, values = [], 0
     found += _described(source, batch)
     objects = [name for name, _, kind in listed if kind in _OBJECTS]
     if not found and objects:
-        what = ", ".join(repr(name) for name in objects if name and name != "None")
-        raise source.wrong(f"holds MATLAB objects only{f' ({what})' if what else ''}, such as tables",
-                           "save the columns as plain variables, or use writetable")  # fmt: skip
+        raise objects_only(source, [name for name in objects if name and name != "None"])
     return found
 
 
 def _described(source: Source, names: Sequence[str]) -> list[Variable]:
     arrays = _loaded(source, names) if names else {}
-    return [Variable(path, a.shape, a.itemsize) for path, a in arrays.items()]
+    return [Variable(path, a.shape, a.itemsize, is_complex=a.dtype.kind == "c")
+            for path, a in arrays.items()]  # fmt: skip
 
 
 def _loaded(source: Source, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """The arrays of real numbers in these variables, by path."""
+    """The arrays of numbers in these variables, by path."""
     from scipy.io import loadmat
 
     try:
@@ -111,5 +112,5 @@ def _arrays(value, path: str, depth: int = 0) -> Iterator[tuple[str, np.ndarray]
     if value.dtype.names and value.size == 1:
         for name in value.dtype.names:
             yield from _arrays(value[name].flat[0], f"{path}/{name}", depth + 1)
-    elif value.dtype.kind in "iuf" and value.ndim == 2:
+    elif value.dtype.kind in "iufc" and value.ndim == 2:
         yield path, value

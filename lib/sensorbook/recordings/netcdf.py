@@ -27,7 +27,7 @@ def table_names(source: Source) -> tuple[str, ...]:
 def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
     """Opens a file; `table` names a variable where they differ in length."""
     with _opened(source) as file:
-        places = places_of(source, tables_of(_variables(file)), table, "variable")
+        places = places_of(source, _variables(file), table, wanted)
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
         out = {}

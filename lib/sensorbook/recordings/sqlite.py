@@ -18,7 +18,7 @@ _ROWS = 1 << 13  # fetched at one go
 
 
 def table_names(source: Source) -> tuple[str, ...]:
-    """The tables; views are not read, since they can compute anything."""
+    """The tables; views and virtual tables are not read, since they can compute anything."""
     with closing(_connected(source)) as database:
         return _tables(source, database)
 
@@ -39,10 +39,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         wanted = ", ".join(_quoted(columns[index]) for index in indices)
         held = {index: np.empty(0) for index in indices}
         with closing(_connected(source)) as database:
-            try:
-                cursor = database.execute(f"SELECT {wanted} FROM {_quoted(name)} ORDER BY rowid")
-            except sqlite3.Error:
-                cursor = _run(source, database, f"SELECT {wanted} FROM {_quoted(name)}")
+            # An index may hold all that is wanted, in an order of its own.
+            cursor = _run(source, database, f"SELECT {wanted} FROM {_quoted(name)} NOT INDEXED")
             rows = 0
             while block := _fetch(source, cursor):
                 rows += len(block)
@@ -69,7 +67,9 @@ def _column(values: Sequence) -> np.ndarray:
 
 
 def _tables(source: Source, database: sqlite3.Connection) -> tuple[str, ...]:
-    query = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' ORDER BY name"
+    # Virtual tables have no page; the locale is in every database of an Android phone.
+    query = ("SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0"
+             " AND name NOT LIKE 'sqlite_%' AND name != 'android_metadata' ORDER BY name")  # fmt: skip
     names = [row[0] for row in _run(source, database, query) if isinstance(row[0], str)]
     filled = []
     for name in names[:1000]:
