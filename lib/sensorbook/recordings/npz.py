@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from sensorbook.recordings.tables import MAX_BYTES, Source, Table, too_large
 
 # What zipfile and numpy raise on damage: places before the file's beginning are an OSError.
 _ERRORS = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
-           RuntimeError, struct.error, OverflowError, MemoryError)  # fmt: skip
+           RuntimeError, SyntaxError, tokenize.TokenError, struct.error, OverflowError, MemoryError)  # fmt: skip
 
 
 def table_names(source: Source) -> tuple[str, ...]:
