@@ -318,9 +318,10 @@ def _share(folder: Path, worker: int, seed: int, jobs: list[tuple[str, int]]) ->
         )
         process.start()
         there.close()
-        here.poll(120)  # imports, and the originals
+        if not here.poll(120) or not here.recv():  # s, for imports and the originals
+            process.kill()
+            raise RuntimeError("the worker could not begin: the files before damage must be read")
         try:
-            here.recv()
             while done < len(jobs):
                 form, number = jobs[done]
                 operation = OPERATIONS[number % len(OPERATIONS)]
@@ -353,9 +354,10 @@ def _work(pipe, folder: Path, seed: int, jobs: list[tuple[str, int]]) -> None:
         FORMATS[form].write(path, columns())
         kind, got = outcome(path)
         if kind != "read":
+            pipe.send(False)
             raise AssertionError(f"{form}: {got}")
         originals[form] = path.read_bytes(), got
-    pipe.send("ready")
+    pipe.send(True)
     path = folder / "log.dat"
     for form, number in jobs:
         whole, written = originals[form]
