@@ -15,6 +15,8 @@ from sensorbook.recordings.tables import Source, too_large
 
 _MATRIX, _COMPRESSED = 14, 15
 _KINDS = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, _MATRIX, 16, 17, 18}
+_FLAGS = 6
+_SPARSE, _PLAIN = 5, range(4, 16)  # classes: text, sparse and numbers
 _DEEPEST = 32
 _PIECE = 1 << 20
 
@@ -112,7 +114,12 @@ def _length(content: _Bytes, order: str) -> int:
 
 
 def _walk(content: _Bytes, order: str, length: int, depth: int = 0) -> None:
-    """Steps over elements of `length` bytes together; raises `ValueError` where they are none."""
+    """Steps over a matrix of `length` bytes; raises `ValueError` where its elements are none.
+
+    Its first element are its flags, with its class; numbers have their values after flags, dimensions
+    and name, and the imaginary ones if flagged. scipy does not ask whether they are there.
+    """
+    kinds, flags = [], 0
     if depth > _DEEPEST:
         raise ValueError(depth)
     while length > 0:
@@ -120,12 +127,24 @@ def _walk(content: _Bytes, order: str, length: int, depth: int = 0) -> None:
         length -= 8
         is_small = word >> 16  # its size; the second word is its content
         kind = word & 0xFFFF if is_small else word
-        if kind not in _KINDS or (size > length and not is_small) or is_small > 4:
+        if kind not in _KINDS or is_small > 4 or (size > length and not is_small):
             raise ValueError(kind)
-        if is_small:
-            continue
-        if kind == _MATRIX:
-            _walk(content, order, size, depth + 1)
-        padding = min(-size % 8, length - size)
-        content.skip(padding if kind == _MATRIX else size + padding)
-        length -= size + padding
+        kinds.append(kind)
+        if len(kinds) == 1:
+            if kind != _FLAGS or size != 8 or is_small:
+                raise ValueError(kind)
+            flags, _ = struct.unpack(f"{order}II", content.read(8))
+            length -= 8
+        elif not is_small:
+            padding = min(-size % 8, length - size)
+            if kind == _MATRIX:
+                _walk(content, order, size, depth + 1)
+                content.skip(padding)
+            else:
+                content.skip(size + padding)
+            length -= size + padding
+    kind = flags & 0xFF
+    if kind in _PLAIN:
+        values = (3 if kind == _SPARSE else 1) + (flags >> 11 & 1)  # and whether it is complex
+        if len(kinds) != 3 + values or _MATRIX in kinds:
+            raise ValueError(kind)

@@ -15,7 +15,8 @@ from sensorbook.recordings.tables import MAX_BYTES, Source, Table, too_large
 
 # What zipfile and numpy raise on damage: places before the file's beginning are an OSError.
 _ERRORS = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError,
-           RuntimeError, SyntaxError, tokenize.TokenError, struct.error, OverflowError, MemoryError)  # fmt: skip
+           RuntimeError, SyntaxError, tokenize.TokenError, struct.error, OverflowError,
+           MemoryError)  # fmt: skip
 
 
 def table_names(source: Source) -> tuple[str, ...]:
