@@ -201,7 +201,9 @@ def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
     for status in ("failed", "refused"):
         for chapter in [c for c in found["chapters"] if c["status"] == status][:2]:
             reason = (str(chapter.get("reason") or "").splitlines() or [""])[0]
-            yield f"{chapter['sensor']}, {chapter['title']}: {status}, {reason.rstrip('.')}"
+            yield f"{chapter['sensor']}, {chapter['title']}: {status}" + (
+                f" ({reason})" if reason else ""
+            )
 
 
 def _error(low: Any, high: Any) -> float:
