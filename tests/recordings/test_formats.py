@@ -378,6 +378,20 @@ def test_declared_sizes_are_not_believed(tmp_path):
     refused(tmp_path / "bomb.h5", "bomb.h5: variable 'x': holds more than 4 GiB — split it into")
 
 
+def test_a_long_text_said_many_times_is_held_once(tmp_path):
+    texts = pyarrow.array(["x" * 1_000_000, None, "y"]).dictionary_encode()
+    which = pyarrow.array(np.arange(60_000) % 3)
+    column = pyarrow.DictionaryArray.from_arrays(texts.indices.take(which), texts.dictionary)
+    table = pyarrow.table({"label": column})
+    pyarrow.parquet.write_table(table, tmp_path / "a.parquet", dictionary_pagesize_limit=1 << 24)
+    feather.write_feather(table, str(tmp_path / "a.feather"))
+    for name in ("a.parquet", "a.feather"):
+        labels = open_table(tmp_path / name).column("label")
+        assert [label and label[:2] for label in labels[-3:]] == ["xx", None, "y"]
+        assert len(labels) == 60_000
+        assert labels[0] is labels[3]  # 20 GB otherwise
+
+
 def test_a_compressed_matlab_bomb(tmp_path, monkeypatch):
     monkeypatch.setattr("sensorbook.recordings.matlab.MAX_BYTES", 1 << 20)
     savemat(tmp_path / "bomb.mat", {"x": np.zeros(1 << 20)}, do_compression=True)

@@ -24,7 +24,13 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         raise source.wrong("holds one table only", "leave `table` out", f"table {table!r}")
     try:
         if source.head.startswith(b"PAR1"):
-            file = parquet.ParquetFile(source.path, page_checksum_verification=True)
+            # A few kB can say a long text many times: it is held once.
+            texts = [
+                field.name for field in parquet.read_schema(source.path) if _is_text(field.type)
+            ]
+            file = parquet.ParquetFile(
+                source.path, page_checksum_verification=True, read_dictionary=texts
+            )
             schema, rows = file.schema_arrow, file.metadata.num_rows
         else:
             reader = ipc.open_file(pyarrow.memory_map(str(source.path)))
@@ -80,6 +86,8 @@ def _values(source: Source, column, name: str) -> np.ndarray:
 
     kind = column.type
     if types.is_dictionary(kind):
+        if _is_text(kind.value_type):
+            return _texts(column)
         column = column.cast(kind.value_type)
         kind = column.type
     if types.is_duration(kind) or types.is_time(kind):
@@ -93,12 +101,29 @@ def _values(source: Source, column, name: str) -> np.ndarray:
         column = column.cast("int8")
     elif types.is_decimal(kind) or types.is_float16(kind) or types.is_null(kind):
         column = column.cast("float64")
-    elif not (types.is_integer(kind) or types.is_floating(kind) or types.is_string(kind)
-              or types.is_large_string(kind)):  # fmt: skip
+    elif not (types.is_integer(kind) or types.is_floating(kind) or _is_text(kind)):
         raise source.wrong(f"holds {kind} values", "save plain numbers", f"column {name!r}")
     if column.null_count and types.is_integer(column.type):
         column = column.cast("float64", safe=False)
     return column.to_numpy()
+
+
+def _is_text(kind) -> bool:
+    from pyarrow import types
+
+    return types.is_string(kind) or types.is_large_string(kind)
+
+
+def _texts(column) -> np.ndarray:
+    """(N,) text of a column that counts its words; None for nulls."""
+    parts = [np.empty(0, dtype=object)]
+    for chunk in column.chunks:
+        words = np.append(chunk.dictionary.to_numpy(zero_copy_only=False), [None])
+        which = chunk.indices.cast("int64").fill_null(len(words) - 1).to_numpy()
+        if len(which) and which.min() < 0:
+            raise IndexError("a word before the first")
+        parts.append(words[which])
+    return np.concatenate(parts)
 
 
 def _damaged(source: Source) -> InputError:
