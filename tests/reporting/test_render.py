@@ -256,3 +256,31 @@ def test_the_group_page_bears_what_others_left_in_the_folder(tmp_path):
     soup = body(group.group_page(tmp_path))
     assert len(soup.tbody.find_all("tr")) == 3
     assert soup.get_text().count("cannot be read") == 3
+
+
+def test_marks_that_reverse_the_order_show():
+    name = "log\u202evsc.exe\u2066"
+    html = page("# Title", record=RECORD | {"device": {"id": "dev-1", "name": name}})
+    assert "log\ufffdvsc.exe\ufffd" in html
+    assert not re.search("[\u202a-\u202e\u2066-\u2069]", html)
+
+
+def test_the_index_says_first_what_was_refused_and_each_reason_once():
+    device = {"id": "dev-1", "name": "A device", "model": None, "serial": None, "spec": {}}
+    refused = RECORD | {"status": "refused", "reason": "The rest is too short.", "results": {}}
+    records = [refused, refused | {"chapter": "noise"}]
+    found = results.assemble(device, RECORD["software"], RECORD["created"], records)
+    soup = body(index.device_page(found, results.SCHEMA.parent))
+    first = soup.main.find("div", recursive=False)
+    assert [p.get_text() for p in first.find_all("p")] == [
+        "? 2 of 2 chapters refused: the recordings cannot determine what they ask.",
+        "The rest is too short.",
+    ]
+    # A sensor without a number has no heading of its own.
+    assert [h.get_text() for h in soup.find_all("h2")] == ["Chapters"]
+
+
+def test_an_empty_header_cell_is_no_header():
+    table = "<table><thead><tr><th></th><th>x</th></tr></thead></table>"
+    cells = body(page(output(html=table))).select("table tr > *")
+    assert [cell.name for cell in cells] == ["td", "th"]
