@@ -192,6 +192,9 @@ def test_variables_of_several_lengths_are_told_by_the_columns_wanted(folder, rng
     device = sensorbook.load(path)
     np.testing.assert_array_equal(device.gyroscope.static.values, values["g"])
     np.testing.assert_array_equal(device.accelerometer.static.values, values["a"])
+    savemat(path / "struct.mat", {"imu": values, "other": np.arange(50.0)})
+    imu = open_table(path / "struct.mat", table="imu", wanted=["ta", "a:0"])
+    np.testing.assert_array_equal(imu.column("a:2"), values["a"][:, 2])
     refused(
         path / "log.mat",
         'log.mat: holds 4 variables of samples — say which with table = "…"; variables: '

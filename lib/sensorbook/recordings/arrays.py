@@ -96,13 +96,13 @@ def places_of(
 ) -> list[Place]:
     """The columns of the table meant; raises `InputError` where none or several could be.
 
-    Without `table`, where variables differ in length, the columns wanted tell the level that holds
-    them all by name.
+    Where the variables of a level differ in length, the columns wanted are found by name.
     """
     tables = tables_of(variables)
     alone = {v.path: [v] for v in variables if v.is_usable}
-    if table is None and len(tables) > 1 and wanted:
-        levels = [columns_of(there) for there in _levels(variables).values()]
+    if wanted and table not in tables and (table is not None or len(tables) > 1):
+        levels = [columns_of(there) for level, there in _levels(variables).items()
+                  if table in (None, level)]  # fmt: skip
         holding = [there for there in levels if set(wanted) <= {place.name for place in there}]
         if len(holding) == 1:
             return _checked(source, holding[0])

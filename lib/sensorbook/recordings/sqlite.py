@@ -63,7 +63,7 @@ def _column(values: Sequence) -> np.ndarray:
             return np.array(values, dtype=object)
     if kinds <= {int, float, type(None)}:
         return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-    return np.array([v.hex() if isinstance(v, bytes) else v for v in values], dtype=object)
+    return np.array([v[:20].hex() if isinstance(v, bytes) else v for v in values], dtype=object)
 
 
 def _tables(source: Source, database: sqlite3.Connection) -> tuple[str, ...]:
