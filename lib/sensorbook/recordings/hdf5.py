@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,6 +38,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
                 path, _, field = place.variable.path.partition("\0")
                 try:
                     data = file[path]
+                    if not _is_whole(data):
+                        raise _damaged(source)
                     if field:
                         column = data.fields(field)[...]
                     elif place.column is None:
@@ -46,7 +49,9 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
                         column = data[place.column, :] if row else data[:, place.column]
                     is_netcdf = "_NCProperties" in file.attrs
                     out[index] = _scaled(np.asarray(column), data.attrs, is_netcdf)
-                except _ERRORS:
+                except _ERRORS as error:
+                    if isinstance(error, InputError):
+                        raise
                     raise _damaged(source) from None
         return out
 
@@ -78,6 +83,21 @@ def _check_end(source: Source) -> None:
     at = {0: 24, 1: 28}.get(version, 12) + 2 * size
     if int.from_bytes(head[at : at + size], "little") != source.path.stat().st_size:
         raise _damaged(source)
+
+
+def _is_whole(data) -> bool:
+    """True where what is stored of a data set fits its shape, which no check sum covers.
+
+    Less may be stored where what is missing shows, since it is not filled with zeros.
+    """
+    if data.chunks:
+        pairs = zip(data.shape, data.chunks, strict=True)
+        expected, stored = math.prod(-(-n // c) for n, c in pairs), data.id.get_num_chunks()
+    else:
+        expected = math.prod(data.shape) * data.id.get_type().get_size()
+        stored = data.id.get_storage_size()
+    is_seen = bool(np.asarray(data.fillvalue).tobytes().strip(b"\0"))
+    return stored == expected or (stored < expected and is_seen)
 
 
 def _variables(source: Source) -> list[Variable]:
