@@ -2,11 +2,13 @@
 
 import struct
 
+import h5py
 import numpy as np
 import pytest
 
 from recordings.mutants import FORMATS, ROWS, Mutant, columns, fault, outcome, run
 from sensorbook import InputError
+from sensorbook.recordings import open_table
 from sensorbook.recordings.mat5 import check_elements
 from sensorbook.recordings.tables import MAX_BYTES, Source
 
@@ -150,3 +152,36 @@ def test_an_element_of_no_known_type_does_not_reach_scipy(tmp_path, kind):
     with pytest.raises(InputError) as caught:
         check_elements(source, MAX_BYTES)
     assert str(caught.value) == _is_damaged("MATLAB").replace("log.dat", "log.mat")
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"chunks": (100, 4)}, {"chunks": (100, 4), "maxshape": (None, 4), "compression": "gzip"},
+])  # fmt: skip
+@pytest.mark.parametrize("rows", [1200, 2800])
+def test_a_matrix_of_another_shape_than_is_stored(tmp_path, options, rows):
+    path = tmp_path / "log.h5"
+    values = np.random.default_rng(12).normal(size=(2000, 4))
+    with h5py.File(path, "w") as file:
+        file.create_dataset("log", data=values, **options)
+    np.testing.assert_array_equal(open_table(path).column(2), values[:, 2])
+    content = path.read_bytes()
+    assert struct.pack("<Q", 2000) in content
+    path.write_bytes(content.replace(struct.pack("<Q", 2000), struct.pack("<Q", rows), 1))
+    with pytest.raises(InputError) as caught:
+        open_table(path).column(2)
+    assert str(caught.value) == _is_damaged("HDF5").replace("log.dat", "log.h5")
+
+
+def test_rows_never_written_show_where_they_are_filled_with_nan(tmp_path):
+    path = tmp_path / "log.h5"
+    for fill in (np.nan, 0.0):
+        with h5py.File(path, "w") as file:
+            data = file.create_dataset("x", shape=(300,), chunks=(100,), fillvalue=fill, dtype="f8")
+            data[:100] = 1.0
+        if fill == 0.0:
+            with pytest.raises(
+                InputError, match=r"log\.h5: is a damaged HDF5 file, or one that is"
+            ):
+                open_table(path).column("x")
+        else:
+            assert np.isnan(open_table(path).column("x")[100:]).all()
