@@ -16,7 +16,8 @@ _USUAL_RATES = (0.5, 8000.0)  # Hz, of the sensors this is for
 # Stamps counted from 1970, 2001 to 2065: a number of this size can be nothing else.
 _SINCE_1970 = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _NOTED_RATE = re.compile(
-    r"(?:sampl\w*|update|output|data)?[ _-]*(?:rate|frequency|freq|fs|odr)\b[^0-9\n]{0,20}"
+    r"(?:\b(?:sampl\w*|update|output|data)[ _-]*(?:data[ _-]*)?(?:rate|frequency|freq)|\bfs|\bodr)\b"
+    r"[^0-9\n]{0,20}"
     r"(\d+(?:\.\d+)?)\s*(k?hz|sps)?",
     re.I,
 )
@@ -52,19 +53,47 @@ NO_CLOCK = Clock(None, "", None, UNKNOWN, "no column holds a time, and nothing e
 def find_clock(times: Sequence[Column], counters: Sequence[Column], notes: Sequence[str]) -> Clock:
     """The clock of a table; among several times the one that its name, then its resolution favours."""
     found = [clock for column in times if (clock := _of_column(column)) is not None]
+    noted = _noted(notes)
     if found:
-        return min(found, key=lambda c: (c.column is None, CERTAINTIES.index(c.certainty)))
+        best = min(found, key=lambda c: (c.column is None, CERTAINTIES.index(c.certainty)))
+        if noted is None or abs(best.step / noted.step - 1) < 0.05:
+            return best
+        if best.column is not None and best.column.named.unit:
+            reason = f"{best.reason}, though {noted.reason}"
+            return Clock(best.column, best.unit, best.step, LOW, reason)
+        reason = (
+            f"{noted.reason}; the steps of {best.column.shown} fit it in no unit of time"
+            if best.column is not None
+            else noted.reason
+        )
+        for unit in ("s", "ms", "us", "ns") if best.column is not None else ():
+            step = best.step / factor(best.unit or "s", "s") * factor(unit, "s")
+            if best.unit and abs(step / noted.step - 1) < 0.05:
+                return Clock(
+                    best.column, unit, step, HIGH, f"its stamps fit what {noted.reason[:60]}"
+                )
+        return Clock(None, "", noted.step, MEDIUM, reason)
+    if noted is not None:
+        return noted
+    if counters:
+        reason = f"{counters[0].shown} counts samples and no column holds a time"
+        return Clock(None, "", None, UNKNOWN, reason)
+    return NO_CLOCK
+
+
+def _noted(notes: Sequence[str]) -> Clock | None:
+    """The rate that the head of a file gives; None where it gives none, or several."""
+    found = {}
     for note in notes:
+        if re.search(r"cut|filter|pass|band|notch|gps|gnss|baud|mag\w* rate", note, re.I):
+            continue
         if match := _NOTED_RATE.search(note):
             rate = float(match[1]) * (1000 if (match[2] or "").lower() == "khz" else 1)
             if _USUAL_RATES[0] <= rate <= _USUAL_RATES[1]:
                 sure = HIGH if match[2] else MEDIUM
                 said = " ".join(note.split())[:60]
-                return Clock(None, "", 1 / rate, sure, f"the file's head says so: {said!r}")
-    if counters:
-        reason = f"{counters[0].shown} counts samples and no column holds a time"
-        return Clock(None, "", None, UNKNOWN, reason)
-    return NO_CLOCK
+                found[rate] = Clock(None, "", 1 / rate, sure, f"the file's head says so: {said!r}")
+    return next(iter(found.values())) if len(found) == 1 else None
 
 
 def _of_column(column: Column) -> Clock | None:
@@ -91,7 +120,8 @@ def _unit(column: Column, values: np.ndarray, step: float) -> tuple[str, str, st
     """Unit of a time, "" for dates; how sure, and why."""
     if column.stamps:
         return "", HIGH, "it holds dates and times of day"
-    if unit := column.named.unit:
+    unit = column.named.unit
+    if unit and _USUAL_RATES[0] / 100 < 1 / (step * factor(unit, "s")) < 3 * _USUAL_RATES[1]:
         rate = 1 / (step * factor(unit, "s"))
         return (
             unit,
@@ -104,6 +134,9 @@ def _unit(column: Column, values: np.ndarray, step: float) -> tuple[str, str, st
     rates = {u: 1 / (step * factor(u, "s")) for u in ("s", "ms", "us", "ns")}
     possible = [u for u, rate in rates.items() if _USUAL_RATES[0] <= rate <= _USUAL_RATES[1]]
     seen = f"its stamps step by {step:.6g}"
+    if unit:
+        seen = f"its name says {unit}, but {seen}, which would be {rates.get(unit, 0):.4g} Hz"
+        return possible[0] if possible else unit, LOW, seen
     if not possible:
         return "s", LOW, f"{seen}, which is usual in no unit of time"
     if "s" in possible and not (values[:1000] == np.round(values[:1000])).all():

@@ -84,8 +84,11 @@ def sort_columns(columns: Sequence[Column]) -> Roles:
         role = column.named.role
         v = column.values
         finite = v[np.isfinite(v)] if v is not None else np.empty(0)
-        if v is None or len(finite) < 2 or finite.min() == finite.max():
+        still = len(finite) < 2 or finite.min() == finite.max()
+        if v is None or (still and role != "axis"):
             roles.idle.append(column)
+        elif column.name.lower() == "t" and not _advances(finite) and _slow(v):
+            roles.temperature = roles.temperature or column
         elif column.stamps or (role == "time" and _advances(finite)):
             roles.time.append(column)
         elif role == "counter" and _advances(finite):
@@ -111,6 +114,9 @@ def _advances(values: np.ndarray) -> bool:
     """True for what runs on: a time or a counter, but for a few stamps."""
     steps = np.diff(values)
     if len(steps) < 2:
+        return False
+    # A part of a stamp, such as its nanoseconds, begins anew again and again.
+    if values[-1] - values[0] < 0.5 * steps[steps > 0].sum():
         return False
     # A reading never rises through thousands of samples, and a slow one stands still in between.
     return bool(np.median(steps) > 0 and np.count_nonzero(steps >= 0) >= 0.98 * len(steps))

@@ -87,7 +87,9 @@ def _names(folder: Path, files: Sequence[Path]) -> list[str]:
             wrong(fault[0], "rename it")
         elif name in names:
             wrong(f"two files are named {name!r}", "rename one of them")
-        elif not inside and (folder / name).exists():
+        elif name == FILE:
+            wrong("is what the declaration is named", "rename the recording")
+        elif not inside and ((folder / name).exists() or (folder / name).is_symlink()):
             wrong(f"{folder / name} is there already", "name that one, or rename this one")
         names.append(name)
     if problems:

@@ -85,8 +85,7 @@ def _motion(triples: Mapping[str, Triple]) -> tuple[Motion, str]:
 
 def _turns_about_the_field(rate: Triple) -> bool:
     """True where a gyroscope turns though gravity does not: about the vertical."""
-    blocks = Blocks.of(rate.finite)
-    return not rate.as_rate.still and blocks.steadiness > 10
+    return not rate.as_rate.still
 
 
 def _six_faces(triple: Triple) -> bool:

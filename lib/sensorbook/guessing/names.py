@@ -61,7 +61,8 @@ _UNIT_TAILS = {  # tokens at the end of a name
     "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms", "us": "us", "usec": "us",
     "micros": "us", "ns": "ns", "nsec": "ns", "nanoseconds": "ns", "microseconds": "us",
     "milliseconds": "ms", "deg c": "degC", "degc": "degC", "c": "degC", "celsius": "degC",
-    "k": "K", "lsb": "counts", "counts": "counts", "adc": "counts", "raw": "counts",
+    "k": "K", "f": "degF", "degf": "degF", "deg f": "degF", "h": "h", "hours": "h", "min": "min",
+    "minutes": "min", "lsb": "counts", "counts": "counts", "adc": "counts", "raw": "counts",
 }  # fmt: skip
 
 
@@ -99,8 +100,8 @@ def read_name(name: str) -> Named:
     joined = "".join(tokens)
     axis, rest = _axis(tokens)
     sensor = sensor_in(rest) if axis else sensor_in(tokens)
-    if axis and not sensor and len(rest) == 1 and len(rest[0]) == 1:
-        sensor = _LETTERS.get(rest[0], "")
+    if axis and not sensor and rest and (stem := re.sub(r"\d+$", "", rest[-1])) in _LETTERS:
+        sensor = _LETTERS[stem]  # gx, imu0_gx, gx2
     if axis and not sensor and rest and rest[0] in ("a", "w") and len(rest) > 1:
         sensor = _LETTERS[rest[0]]  # EuRoC: w_RS_S_x
     group = "_".join(rest)
@@ -207,13 +208,14 @@ def _axis(tokens: list[str]) -> tuple[str, list[str]]:
         if at < 0 or not tokens:
             break
         token = re.sub(r"\d+$", "", tokens[at]) or tokens[at]
+        digits = tokens[at][len(token) :]  # of a second sensor: gx2
         others = tokens[:at] + tokens[at + 1 :]
         if (end := token[-1:]) in ("x", "y", "z", "w") and len(token) > 1:
             stem = token[:-1]
             if stem in _SENSORS or stem in _LETTERS or stem in _QUATERNION:
-                return end, [*tokens[:at], stem, *tokens[at + 1 :]]
+                return end, [*tokens[:at], stem + digits, *tokens[at + 1 :]]
         if token[:1] in _AXES and token[1:] in _SENSORS:
-            return token[0], [token[1:], *others]
+            return token[0], [token[1:] + digits, *others]
     last = tokens[-1] if tokens else ""
     if len(tokens) > 1 and last in _NUMBERED and (sensor_in(tokens[:-1])):
         return _NUMBERED[last], tokens[:-1]

@@ -22,6 +22,7 @@ _NEAR_IRON = (10e-6, 200e-6)
 # rms, the best fibre optic ones some 1e-6 deg/s.
 _BIAS = np.radians(8.0)
 _NOISE = (np.radians(1e-5), np.radians(2.0))
+_IMPLAUSIBLE = np.radians(60.0)  # as a bias or noise, whatever the file says
 _FASTEST = np.radians(6000.0)  # rad/s, beyond the range of the fastest gyroscopes on the market
 
 _UNITS = {
@@ -75,6 +76,8 @@ def accelerometer(values: np.ndarray, declared: str, motion: Motion, sphere: Sph
         return Unit(declared, LOW, f"the file says so, but {measured}, which is not 1 g: "
                                    "scaled, or without gravity?")  # fmt: skip
     if found := next((u for u in _UNITS["accelerometer"] if fits(u)), None):
+        if found == "mg" and _whole(values):
+            return Unit(found, LOW, f"{measured}: whole numbers, this may be mg or counts")
         return Unit(found, HIGH, f"{measured}: that is {'' if found == 'g' else '1 g in '}{found}")
     if _whole(values) and length > 20:
         scale = {"factor": float(f"{GRAVITY / length:.4g}"), "unit": "m/s^2"}
@@ -148,6 +151,9 @@ def gyroscope(
     if declared and declared != "counts":
         if fits(declared):
             return Unit(declared, HIGH, f"the file says so, and {rest}")
+        si = factor(declared, "rad/s")
+        if max(bias, noise) * si < _IMPLAUSIBLE and fastest * si < _FASTEST:
+            return Unit(declared, MEDIUM, f"the file says so, though {rest}")
         others = [u for u in _UNITS["gyroscope"] if fits(u) and u != declared]
         by_step = _by_step(values)
         if by_step and fits(by_step[0]):
@@ -173,7 +179,11 @@ def gyroscope(
 def _by_rotation(values, declared: str, rotation: Rotation, step: float) -> Unit:
     one = rotation.scale / step  # rad/s
     seen = f"turning, it explains how the field turns where one unit is {np.degrees(one):.3g} deg/s"
-    near = [u for u in _UNITS["gyroscope"] if abs(np.log(one / factor(u, "rad/s"))) < 0.25]
+    whole = _whole(values)  # counts, unless the file says otherwise
+    near = [
+        u for u in _UNITS["gyroscope"]
+        if abs(np.log(one / factor(u, "rad/s"))) < 0.25 and not whole
+    ]  # fmt: skip
     if declared and declared != "counts":
         if abs(np.log(one / factor(declared, "rad/s"))) < 0.25:
             return Unit(declared, HIGH, f"the file says so, and {seen}")
@@ -181,6 +191,12 @@ def _by_rotation(values, declared: str, rotation: Rotation, step: float) -> Unit
         return Unit(other, MEDIUM if near else LOW, f"the file says {declared}, but {seen}")
     if near and declared != "counts":
         return Unit(near[0], HIGH, seen)
+    known = min(_GYROSCOPE_STEPS, key=lambda s: abs(np.log(s / np.degrees(one))))
+    if whole and abs(known / np.degrees(one) - 1) < max(0.02, 3 * rotation.error / rotation.scale):
+        scale = {"factor": float(f"{known:.6g}"), "unit": "deg/s"}
+        return Unit(
+            "counts", MEDIUM, f"{seen}; {known:.4g} is a count of a common converter", scale
+        )
     scale = {"factor": float(f"{one:.4g}"), "unit": "rad/s"}
     return Unit("counts", MEDIUM, f"{seen}, ± {100 * rotation.error / rotation.scale:.1g} %; "
                 "the datasheet knows better", scale)  # fmt: skip
@@ -224,9 +240,15 @@ def converter_offset(values: np.ndarray) -> float:
     if not _whole(values) or values.min() < 0:
         return 0.0
     middle = np.median(values)
-    for bits in (16, 12, 14, 10, 18, 20, 24):
-        if 0.5 < middle / 2 ** (bits - 1) < 1.5 and values.max() < 2**bits and middle > 300:
-            return float(2 ** (bits - 1))
+    for bits in (16, 12, 14, 10):
+        half = 2.0 ** (bits - 1)
+        if not 0.5 < middle / half < 1.5 or values.max() >= 2 * half:
+            continue
+        # Tilted, three axes may all read positive: what is not 16 bits must turn about its middle.
+        sphere = sphere_of(values)
+        turns = sphere.convincing and np.abs(sphere.centre - half).max() < 0.15 * half
+        if turns or (bits == 16 and np.abs(np.median(values, axis=0) / half - 1).max() < 0.4):
+            return half
     return 0.0
 
 

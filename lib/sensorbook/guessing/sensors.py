@@ -15,6 +15,7 @@ from sensorbook.guessing.names import sensor_of_unit
 from sensorbook.guessing.physics import Rotation, Sphere, rotation_scale, rotation_scale_between
 from sensorbook.recordings.motion import Blocks, Motion, of_field, of_rate
 
+_GRAVITY_MEANT = {"G": "g", "mG": "mg", "Gs": "g", "gs": "g"}
 _EXPLAINED = 0.4  # share of a field's change that makes the other one its gyroscope
 
 
@@ -44,7 +45,8 @@ class Triple:
         raw = np.stack([c.values for c in columns], axis=1)
         raw[~np.isfinite(raw).all(axis=1)] = np.nan
         finite = _finite(raw)
-        offset = scales.converter_offset(finite) if len(finite) else 0.0
+        plain = {c.named.unit for c in columns} <= {"", "counts"}
+        offset = scales.converter_offset(finite) if len(finite) and plain else 0.0
         return cls(columns, clock, raw - offset if offset else raw, offset)
 
     @property
@@ -65,8 +67,13 @@ class Triple:
 
     @property
     def unit(self) -> str:
-        """As the file declares it; "" where it does not."""
-        return next((c.named.unit for c in self.columns if c.named.unit), "")
+        """As the file declares it; "" where it does not, or where that is a unit of something else."""
+        declared = next((c.named.unit for c in self.columns if c.named.unit), "")
+        if self.sensor == "accelerometer":  # G is gauss; of an acceleration it is meant as g
+            declared = _GRAVITY_MEANT.get(declared, declared)
+        if not self.sensor or declared == "counts":
+            return declared
+        return declared if sensor_of_unit(declared) == self.sensor else ""
 
     @property
     def shown(self) -> str:
@@ -112,14 +119,19 @@ def find_sensors(triples: Sequence[Triple], told: str) -> None:
 def _by_name(triple: Triple, told: str) -> None:
     names = {c.named.sensor for c in triple.columns if c.named.sensor}
     in_unit = sensor_of_unit(triple.unit)
+    given = next((c.named.unit for c in triple.columns if c.named.unit), "")
     if len(names) == 1:
         sensor = names.pop()
         letter = all(len(c.named.group) == 1 for c in triple.columns)
         if sensor == "gyroscope" and letter and _gravity(triple):
             triple.settle("accelerometer", LOW,
                           f"named like a gyroscope, but of constant length: {_gravity(triple)}")  # fmt: skip
-        elif in_unit and in_unit != sensor:
-            triple.settle(sensor, LOW, f"its names say so, but its unit is {triple.unit}")
+        elif (
+            in_unit
+            and in_unit != sensor
+            and not (sensor == "accelerometer" and given in _GRAVITY_MEANT)
+        ):
+            triple.settle(sensor, LOW, f"its names say so, but its unit is {given}")
         else:
             triple.settle(sensor, HIGH, "its columns are named so")
     elif in_unit:

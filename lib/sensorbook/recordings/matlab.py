@@ -35,17 +35,17 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         out = {}
         by_variable = itertools.groupby(indices, lambda index: _top(places[index]))
         for name, there in by_variable:
-            arrays = _loaded(source, [name])
+            arrays, there = _loaded(source, [name]), list(there)
             for index in there:
                 place = places[index]
                 place.check(source)
                 array = arrays[place.variable.path]
                 column = array[place.column, :] if place.variable.is_row else array[:, place.column]
-                # A view would keep all of a matrix.
+                # A view keeps all of a matrix, which is too much where few of its columns are read.
                 out[index] = np.array(
                     column,
                     dtype=column.dtype.newbyteorder("="),
-                    copy=place.variable.width > 1 or None,
+                    copy=place.variable.width > 3 * len(there) or None,
                 )
             del arrays, array, column
         return out

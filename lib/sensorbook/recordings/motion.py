@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import ndimage
 
 STILL_ANGLE = 3.0  # degrees: a field's direction that stays within does not turn
 NEW_ATTITUDE = 15.0  # degrees between rests that are rests of their own
@@ -111,13 +112,22 @@ def of_field(values: np.ndarray, quiet: np.ndarray | None = None) -> Motion:
 def of_rate(values: np.ndarray) -> Motion:
     """What a gyroscope alone saw; (N, 3) finite readings in any unit."""
     blocks = Blocks.of(values)
-    away = np.linalg.norm(blocks.means - np.median(blocks.means, axis=0), axis=1)
-    still = blocks.steadiness < 4 and np.quantile(away, 0.95) < 5 * np.median(blocks.scatter)
-    if still:
+    if blocks.steadiness < 4 and not _steps(blocks):
         return Motion(True, 1, 1.0)
     if blocks.steadiness < CLEAR_REST:
         return Motion(False, 0, 0.0)
     return Motion(False, len(_runs(blocks.quiet)), float(blocks.quiet.mean()))
+
+
+def _steps(blocks: Blocks) -> bool:
+    """True where the reading changes level faster than a bias drifts as it warms up."""
+    width = min(9, len(blocks.means))
+    level = ndimage.median_filter(blocks.means, size=(width, 1), mode="nearest")
+    change = np.linalg.norm(level[width:] - level[:-width], axis=1)
+    if not len(change):
+        return False
+    # A handling or two is no motion; a level that changes holds for the width of the filter.
+    return float(np.quantile(change, 0.985)) > 5 * float(np.median(blocks.scatter))
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
