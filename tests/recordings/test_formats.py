@@ -424,6 +424,14 @@ def test_a_database_its_recorder_left_open(tmp_path):
     database.close()
 
 
+def test_a_database_that_takes_too_long(tmp_path, monkeypatch):
+    with sqlite3.connect(tmp_path / "a.db") as database:
+        database.execute("CREATE TABLE a (x)")
+        database.executemany("INSERT INTO a VALUES (?)", [(k,) for k in range(100_000)])
+    monkeypatch.setattr("sensorbook.recordings.sqlite._LONGEST", 0.0)
+    refused(tmp_path / "a.db", "a.db: takes longer than 0 s to read — save the table as .csv")
+
+
 def test_text_among_the_numbers_of_a_database_names_its_row(folder):
     path = folder(MIXED)
     with sqlite3.connect(path / "phone.db") as database:

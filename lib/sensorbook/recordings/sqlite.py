@@ -113,19 +113,25 @@ def _connected(source: Source) -> sqlite3.Connection:
 def _run(source: Source, database: sqlite3.Connection, query: str):
     try:
         return database.execute(query)
-    except (sqlite3.Error, sqlite3.Warning, ValueError, OverflowError):
-        raise _damaged(source) from None
+    except (sqlite3.Error, sqlite3.Warning, ValueError, OverflowError) as error:
+        raise _failed(source, error) from None
 
 
 def _fetch(source: Source, cursor) -> list[tuple]:
     try:
         return cursor.fetchmany(_ROWS)
-    except (sqlite3.Error, ValueError, OverflowError):
-        raise _damaged(source) from None
+    except (sqlite3.Error, ValueError, OverflowError) as error:
+        raise _failed(source, error) from None
 
 
 def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
+
+
+def _failed(source: Source, error: Exception) -> InputError:
+    if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_INTERRUPT:
+        return source.wrong(f"takes longer than {_LONGEST:g} s to read", "save the table as .csv")
+    return _damaged(source)
 
 
 def _damaged(source: Source) -> InputError:
