@@ -128,9 +128,9 @@ def _unit(column: Column, values: np.ndarray, step: float) -> tuple[str, str, st
             HIGH,
             f"its name gives the unit; the stamps step by {step:.6g} {unit}, {rate:.5g} Hz",
         )
-    for unit, si in _SINCE_1970.items():
+    for since, si in _SINCE_1970.items():
         if 9.8e8 < values[0] * si < 3e9 and _USUAL_RATES[0] / 10 < 1 / (step * si) < 1e5:
-            return unit, HIGH, f"counted from 1970 in {unit}, {1 / (step * si):.5g} Hz"
+            return since, HIGH, f"counted from 1970 in {since}, {1 / (step * si):.5g} Hz"
     rates = {u: 1 / (step * factor(u, "s")) for u in ("s", "ms", "us", "ns")}
     possible = [u for u, rate in rates.items() if _USUAL_RATES[0] <= rate <= _USUAL_RATES[1]]
     seen = f"its stamps step by {step:.6g}"
