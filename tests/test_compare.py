@@ -80,8 +80,8 @@ def test_of_one_device_the_earliest_is_the_reference(tmp_path):
     assert "gyroscope angle random walk N  x  0.2063 (0.2001 … 0.2125)" in lines[2]
     assert lines[2].endswith("▲ rose")
     assert lines[-1] == (
-        "  3 of 3 numbers have changed by more than 2.4 standard errors, which chance alone would do "
-        "in one such comparison in twenty."
+        "  3 of 3 numbers have changed by more than 2.4 standard errors: where nothing changes, chance "
+        "marks any in one comparison in twenty."
     )
 
 
@@ -137,3 +137,12 @@ def test_one_file_is_a_usage_error_and_bad_ones_are_named(tmp_path, capsys):
         "sensors.gyroscope.noise.y.random_walk.low: 'x' is not a finite number"
         in capsys.readouterr().err
     )
+
+
+def test_what_is_missing_now_is_said(tmp_path):
+    a = results(tmp_path / "a.json", device="a", random_walk=6e-5, bias_instability=5e-5)
+    b = results(tmp_path / "b.json", device="b", random_walk=6e-5)
+    (comparison,) = compare([read_results(a), read_results(b)])
+    lines = list(table(comparison))
+    assert sum(line.endswith("no result now") for line in lines) == 3
+    assert lines[-1].endswith("3 of the reference have no counterpart now.")

@@ -124,14 +124,18 @@ def _conclusion(comparison: Comparison) -> str:
         f"{len(marked)} of {len(judged)} numbers" if marked else f"None of {len(judged)} numbers"
     )
     verb = "have" if len(marked) > 1 else "has"
+    missing = sum(c.other == Measured(None, None, None) for c in comparison.changes)
+    lost = f" {missing} of the reference have no counterpart now." if missing else ""
     return (
-        f"{beyond} {verb} changed by more than {comparison.threshold:.1f} standard errors, which "
-        "chance alone would do in one such comparison in twenty."
+        f"{beyond} {verb} changed by more than {comparison.threshold:.1f} standard errors: where "
+        f"nothing changes, chance marks any in one comparison in twenty.{lost}"
     )
 
 
 def _word(change: Change, threshold: float) -> str:
     a, b = change.reference.value, change.other.value
+    if change.other == Measured(None, None, None):
+        return "no result now"
     if change.z is None or abs(change.z) <= threshold:
         return "" if (a is None) == (b is None) else "within the bound"
     if a is None:
@@ -142,6 +146,8 @@ def _word(change: Change, threshold: float) -> str:
 
 
 def _shown(measured: Measured, scale: float) -> str:
+    if measured == Measured(None, None, None):
+        return "–"
     if measured.value is None:
         return "none seen" if measured.high is None else f"< {measured.high / scale:.2g}"
     if measured.low is None or measured.high is None:
@@ -201,9 +207,10 @@ def _changes(first, now) -> list[Change]:
     changes = []
     order = {q: k for k, q in enumerate(q for s in SENSOR_UNITS for q in quantities(s))}
     for key, reference in sorted(first.items(), key=lambda i: (i[0][0], order[i[0][1]], i[0][2])):
-        if key not in now or (reference.value is None and now[key].value is None):
+        other = now.get(key, Measured(None, None, None))
+        if reference.value is None and other.value is None:
             continue
-        changes.append(Change(*key, reference, now[key], standard_errors(reference, now[key])))
+        changes.append(Change(*key, reference, other, standard_errors(reference, other)))
     return changes
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pandas
 import pytest
 
+from sensorbook import InputError
 from sensorbook.guessing import guess_files
 from sensorbook.guessing.names import read_name
 
@@ -135,7 +136,11 @@ def test_acceleration_without_gravity_is_not_taken_for_one_that_has_it(tmp_path,
     for k, axis in enumerate("xyz"):
         frame[f"Linear Acceleration {axis} (m/s^2)"] = free[:, k]
     frame.to_csv(tmp_path / "Linear Acceleration.csv", index=False)
-    (recording,) = guess_files([tmp_path / "Linear Acceleration.csv"]).recordings
+    with pytest.raises(InputError) as caught:
+        guess_files([tmp_path / "Linear Acceleration.csv"])
+    assert "holds an acceleration without gravity, not a reading" in str(caught.value)
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    (recording,) = guess_files([tmp_path / "log.csv"]).recordings
     (unit,) = (g for g in recording.guesses if g.key == "unit")
     assert unit.certainty == "low"
     assert "without gravity?" in unit.reason
@@ -149,3 +154,114 @@ def test_semicolons_and_decimal_commas(tmp_path, motion):
     table = tables_of(tmp_path / "log.csv")["gyroscope"]
     assert table["columns"]["time"] == "Zeit"
     assert table["time_unit"] == "s"
+
+
+def test_what_a_phone_computes_is_no_reading(tmp_path, motion):
+    count = len(motion.gyroscope)
+    epoch = 1_700_000_000_000_000_000 + np.arange(count) * 10**7
+    gravity = motion.attitude.inv().apply([0, 0, 9.80665])
+    noisy = motion.accelerometer
+    for name, values in (("Gravity", gravity), ("Accelerometer", noisy - gravity),
+                         ("TotalAcceleration", noisy), ("Gyroscope", motion.gyroscope)):  # fmt: skip
+        frame = pandas.DataFrame(
+            {"time": epoch, "z": values[:, 2], "y": values[:, 1], "x": values[:, 0]}
+        )
+        frame.to_csv(tmp_path / f"{name}.csv", index=False)
+    guessed = guess_files(sorted(tmp_path.glob("*.csv")))
+    assert sorted((r.table["sensor"], r.table["file"]) for r in guessed.recordings) == [
+        ("accelerometer", "TotalAcceleration.csv"), ("gyroscope", "Gyroscope.csv")
+    ]  # fmt: skip
+    told = " ".join(guessed.left_out)
+    assert "Gravity.csv: gravity as it is computed, not a reading: left out." in told
+    assert (
+        "Accelerometer.csv: another accelerometer at the same time as TotalAcceleration.csv" in told
+    )
+
+
+def test_a_head_that_speaks_of_other_rates(tmp_path, motion):
+    rows = "\n".join(",".join(f"{v:.6f}" for v in row) for row in motion.gyroscope)
+    head = "# Filter cut-off frequency: 50 Hz\n# GPS update rate: 5 Hz\n# Sample Rate: 100 Hz\n"
+    (tmp_path / "log.csv").write_text(f"{head}gx,gy,gz\n{rows}\n")
+    assert tables_of(tmp_path / "log.csv")["gyroscope"]["rate"] == 100.0
+
+
+def test_stamps_that_the_head_denies_are_not_used(tmp_path, motion):
+    rows = np.column_stack([np.arange(len(motion.gyroscope)) * 100, motion.gyroscope])
+    body = "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
+    (tmp_path / "log.csv").write_text(f"// Update Rate: 100.0Hz\nSampleTimeFine,gx,gy,gz\n{body}\n")
+    table = tables_of(tmp_path / "log.csv")["gyroscope"]
+    assert table["rate"] == 100.0
+    assert "time" not in table["columns"]
+
+
+def test_a_rest_that_warms_up_is_a_rest(tmp_path):
+    rng = np.random.default_rng(43)
+    time = np.arange(60_000) / RATE
+    drift = 0.5 * (1 - np.exp(-time / 120))  # deg/s
+    rows = np.column_stack([time, *(drift + rng.normal(scale=0.03, size=(3, len(time))))])
+    np.savetxt(
+        tmp_path / "log.csv",
+        rows,
+        "%.5f",
+        ",",
+        header="t,gyro_x_dps,gyro_y_dps,gyro_z_dps",
+        comments="",
+    )
+    table = tables_of(tmp_path / "log.csv")["gyroscope"]
+    assert (table["kind"], table["unit"]) == ("static", "deg/s")
+
+
+def test_a_rate_table_about_the_vertical_is_no_rest(tmp_path):
+    rng = np.random.default_rng(44)
+    time = np.arange(12_000) / RATE
+    turn = np.select([time < 20, time < 50, time < 80], [0.0, 57.0, -57.0], 114.0)
+    rows = np.column_stack([
+        time, rng.normal(0.1, 0.05, (len(time), 2)), turn + rng.normal(0.1, 0.05, len(time)),
+        rng.normal((0.1, 0.1, 9.8), 0.01, (len(time), 3))
+    ])  # fmt: skip
+    np.savetxt(tmp_path / "log.csv", rows, "%.5f", ",", header="t,gx,gy,gz,ax,ay,az", comments="")
+    assert {t["kind"] for t in tables_of(tmp_path / "log.csv").values()} == {"trajectory"}
+
+
+@pytest.mark.parametrize("per_count", [1 / 16.4, 0.061, 0.0625, 0.05, 0.07, 1 / 32.8])
+def test_gyroscope_counts_stay_counts(tmp_path, motion, per_count):
+    counts = np.round(np.degrees(motion.gyroscope) / per_count)
+    rows = np.column_stack([np.arange(len(counts)) / RATE, motion.accelerometer, counts])
+    np.savetxt(tmp_path / "log.csv", rows, ["%.2f"] + ["%.4f"] * 3 + ["%d"] * 3, ",",
+               header="t,ax,ay,az,gx,gy,gz", comments="")  # fmt: skip
+    (gyroscope,) = (r for r in guess_files([tmp_path / "log.csv"]).recordings
+                    if r.table["sensor"] == "gyroscope")  # fmt: skip
+    assert gyroscope.table["unit"] == "counts"
+    scale = gyroscope.table["scale"]
+    stated = scale["factor"] * (1 if scale["unit"] == "deg/s" else np.degrees(1))
+    assert stated == pytest.approx(per_count, rel=0.02)
+
+
+def test_a_tilted_accelerometer_has_no_offset(tmp_path):
+    rng = np.random.default_rng(45)
+    counts = np.round(rng.normal(16384 * np.array([0.52, 0.57, 0.64]), 20, (3000, 3)))
+    np.savetxt(tmp_path / "log.csv", counts, "%d", ",", header="ax,ay,az", comments="")
+    table = tables_of(tmp_path / "log.csv")["accelerometer"]
+    assert "offset" not in table["scale"]
+    assert table["scale"]["factor"] == pytest.approx(9.80665 / 16384, rel=0.02)
+
+
+def test_two_sets_of_sensors_are_told_apart(tmp_path, motion):
+    frame = pandas.DataFrame({"t": np.arange(len(motion.gyroscope)) / RATE})
+    for prefix in ("imu0_", "imu1_"):
+        for k, axis in enumerate("xyz"):
+            frame[f"{prefix}g{axis}"] = motion.gyroscope[:, k]
+            frame[f"{prefix}a{axis}"] = motion.accelerometer[:, k]
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    guessed = guess_files([tmp_path / "log.csv"])
+    assert sorted(r.table["sensor"] for r in guessed.recordings) == ["accelerometer", "gyroscope"]
+    assert sum("another" in text for text in guessed.left_out) == 2
+
+
+def test_gauss_for_an_acceleration_is_meant_as_gravity(tmp_path, motion):
+    frame = pandas.DataFrame(
+        motion.accelerometer / 9.80665, columns=[f"acceleration{a}(G)" for a in "XYZ"]
+    )
+    frame.insert(0, "time", np.arange(len(frame)) / RATE)
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    assert tables_of(tmp_path / "log.csv")["accelerometer"]["unit"] == "g"

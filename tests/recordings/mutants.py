@@ -14,6 +14,7 @@ import gzip
 import tempfile
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -348,6 +349,7 @@ def content(form: str, number: int, seed: int, whole: bytes) -> Mutant:
 
 
 def _work(pipe, folder: Path, seed: int, jobs: list[tuple[str, int]]) -> None:
+    warnings.simplefilter("ignore")  # sums of damaged values overflow
     originals = {}
     for form in {form for form, _ in jobs}:
         path = folder / f"{form}-original"

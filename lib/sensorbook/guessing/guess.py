@@ -19,9 +19,10 @@ from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOW
 from sensorbook.guessing.clock import Clock, find_clock
 from sensorbook.guessing.columns import Column, read_columns, sort_columns
 from sensorbook.guessing.kinds import kind_of, quaternion_of
-from sensorbook.guessing.names import sensor_of
+from sensorbook.guessing.names import sensor_of, words_of
 from sensorbook.guessing.sensors import Triple, find_sensors
 from sensorbook.recordings.tables import Table, open_table, table_names
+from sensorbook.units import factor
 
 FEWEST = 100  # samples of a recording
 
@@ -84,21 +85,100 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
         raise InputError(*problems)
     recordings, left_out = [], []
     swept = _sweep(opened)
+    made: list[tuple[_Opened, GuessedRecording]] = []
     for one in opened:
+        if derived := _derived(one):
+            left_out.append(f"{_place(one)}: {derived}: left out.")
+            continue
         found, left = _recordings(one, swept)
-        recordings += found
+        made += [(one, recording) for recording in found]
         left_out += left
-    recordings += _temperatures(opened, recordings)
+        if not found and one.temperature is None:
+            left_out.append(f"{_place(one)}: {_why_none(one)}: left out.")
+    for one, recording in made:
+        if better := _better(one, recording, made):
+            sensor = recording.table["sensor"]
+            left_out.append(
+                f"{_place(one)}: another {sensor} at the same time as {better}: left out."
+            )
+        else:
+            recordings.append(recording)
+    temperatures = _temperatures(opened, recordings)
+    recordings += temperatures
+    known = {(t.table["file"], t.table.get("table")) for t in temperatures}
+    left_out += [
+        f"{_place(o)}: a temperature, which no rest goes with: left out."
+        for o in opened
+        if o.temperature is not None and not o.triples and (o.file, o.name) not in known
+    ]
     if not recordings:
         raise InputError(*(Problem(one.file, one.name or "", _why_none(one), _NAME_MEND)
                            for one in opened))  # fmt: skip
     return Guessed(tuple(recordings), tuple(left_out), {(o.file, o.name): o.table for o in opened})
 
 
+def _place(one: _Opened) -> str:
+    return one.file if one.name is None else f"{one.file}, {one.name}"
+
+
+def _derived(one: _Opened) -> str:
+    """What a phone computes of its sensors, by the name of a file or table; "" for readings."""
+    words = set(words_of(one.name or Path(one.file).stem))
+    if "gravity" in words:
+        return "gravity as it is computed, not a reading"
+    if words & {"linear", "user"} and words & {"acceleration", "accelerometer", "acc", "accel"}:
+        unit = next((_unit(t, one.clock) for t in one.triples if t.sensor == "accelerometer"), None)
+        if unit is None or unit.certainty in (LOW, UNKNOWN):
+            return "an acceleration without gravity, not a reading"
+    return ""
+
+
+def _better(
+    one: _Opened, recording: GuessedRecording, made: Sequence[tuple[_Opened, GuessedRecording]]
+) -> str:
+    """Another recording of the same sensor at the same time that is better known; "" for none."""
+
+    def rank(pair: tuple[_Opened, GuessedRecording]) -> tuple:
+        sure = {g.key: CERTAINTIES.index(g.certainty) for g in pair[1].guesses}
+        raw = bool(set(words_of(pair[0].name or pair[0].file)) & {"uncalibrated", "uncal"})
+        at = next(k for k, other in enumerate(made) if other[1] is pair[1])
+        return (sure.get("unit", 0), raw, sure.get("sensor", 0), at)
+
+    mine = rank((one, recording))
+    for other, rival in made:
+        same = rival is not recording and rival.table["sensor"] == recording.table["sensor"]
+        if same and other is not one and _together(one, other) and rank((other, rival)) < mine:
+            return _place(other)
+    return ""
+
+
+def _together(one: _Opened, other: _Opened) -> bool:
+    """True where two tables were recorded at the same time, as far as their clocks tell."""
+    spans = [_absolute(o.clock) for o in (one, other)]
+    if None in spans:
+        return one.file == other.file
+    (a, b), (c, d) = spans
+    return min(b, d) - max(a, c) > 0.5 * min(b - a, d - c)
+
+
+def _absolute(clock: Clock) -> tuple[float, float] | None:
+    """First and last second since 1970; None where the clock counts from anywhere."""
+    if clock.column is None:
+        return None
+    values = clock.column.values * factor(clock.unit or "s", "s")
+    first, last = float(np.nanmin(values)), float(np.nanmax(values))
+    return (first, last) if first > 9e8 else None
+
+
 def _open(path: Path, file: str, name: str | None) -> _Opened:
     table = open_table(path, file, name)
     roles = sort_columns(read_columns(table))
     clock = find_clock(roles.time, roles.counter, table.notes)
+    if clock.step is None:
+        unread = [c.shown for c in roles.idle if c.named.role == "time"]
+        if unread:
+            reason = f"{', '.join(unread)}: named like a time, but not to be read as one"
+            clock = Clock(None, "", None, UNKNOWN, reason)
     if roles.temperature is not None and clock.column is not None:
         clock = _by_temperature(clock, roles.temperature)
     triples = [Triple.of(columns, clock) for columns in roles.triples]
@@ -299,6 +379,8 @@ def _span(values: np.ndarray) -> float:
 
 
 def _why_none(one: _Opened) -> str:
+    if derived := _derived(one):
+        return f"holds {derived}"
     rows = len(one.table.column(0)) if one.table.names else 0
     if rows < FEWEST:
         return f"holds {rows} rows, too few for a recording"

@@ -42,10 +42,19 @@ def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding,
     ):
         return ()
     values = recording.values[np.isfinite(recording.values).all(axis=1)]
+    guessed = recording.declaration.get("guessed", {})
+    if "not known" in guessed.values():
+        return ()  # nothing is computed before that is mended
+    if recording.kind == "static" and len(values) < FEWEST:
+        say("short", f"holds {len(values)} samples, and its noise needs {FEWEST}",
+            "rest it for an hour or more")  # fmt: skip
+        return tuple(found)
     if len(values) < 200:
         return ()
     if recording.kind in ("static", "thermal"):
         _moved(recording.sensor, values, say)
+        if found:
+            return tuple(found)
     if recording.kind == "static":
         _rest(recording, values, calibrates_temperature, say)
     elif recording.kind == "thermal":
@@ -85,10 +94,6 @@ def _moved(sensor: str, values: np.ndarray, say: Say) -> None:
 
 
 def _rest(recording: Recording, values: np.ndarray, calibrates_temperature: bool, say: Say) -> None:
-    longer = "rest it for an hour or more"
-    if len(values) < FEWEST:
-        say("short", f"holds {len(values)} samples, and its noise needs {FEWEST}", longer)
-        return
     if recording.rate < SLOW_STATIC:
         say("rate", f"sampled at {recording.rate:.3g} Hz, noise above {recording.rate / 2:.3g} Hz is "
                     "folded into what is stated as white",

@@ -26,6 +26,8 @@ from sensorbook.errors import InputError, Problem
 # Declared sizes are not trusted: a few kB can claim or inflate to more than any memory holds.
 MAX_BYTES = 4 << 30
 
+_DENSEST = 150  # times; readings of a sensor at rest shrink some ten times
+_BOMB = 64 << 20  # bytes below which that does not matter
 HEAD_BYTES = 1 << 16
 
 # first bytes of the content: the module that reads it; text is what remains
@@ -80,12 +82,15 @@ class Source:
 
     def chunks(self, size: int = 1 << 20) -> Iterator[bytes]:
         """The content in pieces; raises `InputError` where it cannot be inflated or is too large."""
-        total = 0
+        total, size_on_disk = 0, self.path.stat().st_size
         with self.open() as stream:
             while chunk := _inflated(stream.read, size, self.file):
                 total += len(chunk)
                 if self.gzip and total > MAX_BYTES:
                     raise too_large(self.file)
+                if self.gzip and total > _BOMB and total > _DENSEST * size_on_disk:
+                    raise self.wrong(f"inflates more than {_DENSEST} times, as no recording does",
+                                     "look at what it holds, and save it uncompressed")  # fmt: skip
                 yield chunk
 
     def wrong(self, message: str, mend: str, where: str = "") -> InputError:

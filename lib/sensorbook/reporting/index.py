@@ -165,6 +165,8 @@ def check_words(check: dict[str, Any], found: dict[str, Any]) -> str:
     else:
         measured = "no result"
     words = f"{what}: {measured}, {limit}: {check['verdict']}"
+    if check.get("doubt"):
+        return f"{words}, as {check['doubt']} — give it in device.toml"
     if check["verdict"] != "undecided":
         return words
     if high is None:
@@ -302,7 +304,9 @@ def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
 def _input_row(recording: dict[str, Any]) -> dict[str, str]:
     duration, rate = recording["duration_s"], recording["rate_hz"]
     return {
-        "file": recording["file"],
+        "file": f"{recording['file']}, {recording['table']}"
+        if "table" in recording
+        else recording["file"],
         "sensor": recording["sensor"],
         "kind": recording["kind"],
         "duration": "unknown" if duration is None else duration_words(duration),

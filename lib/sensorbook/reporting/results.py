@@ -103,7 +103,7 @@ def assemble(
         "inputs": inputs,
         "sensors": found,
         "checks": [
-            check
+            _doubted(check, inputs)
             for sensor, limits in device["spec"].items()
             for check in checks(sensor, limits, found.get(sensor, {}))
         ],
@@ -132,7 +132,7 @@ def csv_text(found: dict[str, Any]) -> str:
         for method, by_axis in stated.items():
             for axis in AXES:
                 entries = by_axis.get(axis) if isinstance(by_axis, dict) else None
-                for quantity, entry in (entries or {}).items():
+                for quantity, entry in _with_bounds(entries or {}):
                     if quantity in units.quantities(sensor) and (
                         row := _csv_row(sensor, quantity, entry)
                     ):
@@ -142,13 +142,23 @@ def csv_text(found: dict[str, Any]) -> str:
     return text.getvalue()
 
 
+def _with_bounds(entries: dict[str, Any]):
+    """The numbers of an axis; a term without visible effect as the interval up to its bound."""
+    bounds = entries.get("upper_bounds") or {}
+    for quantity, entry in entries.items():
+        if entry is None and bounds.get(quantity) is not None:
+            entry = {"value": None, "low": 0.0, "high": bounds[quantity]}
+        yield quantity, entry
+
+
 def _csv_row(sensor: str, quantity: str, entry: Any) -> tuple | None:
     """Value, low, high and unit of one number, twice; None for what is none."""
     if isinstance(entry, dict):
         numbers = tuple(entry.get(key) for key in ("value", "low", "high"))
     else:
         numbers = (entry, None, None)
-    if isinstance(numbers[0], bool) or not isinstance(numbers[0], int | float):
+    stated = numbers[0] if numbers[0] is not None else numbers[2]
+    if isinstance(stated, bool) or not isinstance(stated, int | float):
         return None
     label, scale = units.field_unit(sensor, quantity)
     in_field = ("" if n is None else f"{n / scale:.7g}" for n in numbers)
@@ -158,6 +168,20 @@ def _csv_row(sensor: str, quantity: str, entry: Any) -> tuple | None:
         *in_field,
         label,
     )
+
+
+def _doubted(check: dict[str, Any], inputs: list[dict[str, Any]]) -> dict[str, Any]:
+    """A check, undecided where it hangs on a declaration that is a guess."""
+    guessed = [
+        key.replace("_", " ")
+        for entry in inputs
+        if entry["sensor"] == check["sensor"]
+        for key in entry.get("guessed", {})
+    ]
+    if not guessed or check["verdict"] == "undecided":
+        return check
+    doubt = f"the {' and the '.join(dict.fromkeys(guessed))} of the {check['sensor']} is a guess"
+    return check | {"verdict": "undecided", "doubt": doubt}
 
 
 def merge(into: dict[str, Any], results: dict[str, Any]) -> None:
