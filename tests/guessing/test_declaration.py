@@ -96,3 +96,28 @@ def test_what_is_not_known_is_refused_not_computed(tmp_path, capsys):
         "it. Write a device.toml (sensorbook new DIR --from log.csv), give the rate there, and delete "
         "it from its `guessed`."
     )
+
+
+def test_new_writes_through_no_link(log, tmp_path, capsys):
+    folder = tmp_path / "imu"
+    folder.mkdir()
+    (folder / "my log.csv").symlink_to(tmp_path / "outside")
+    assert main(["new", str(folder), "--from", str(log)]) == 1
+    assert "my log.csv is there already" in capsys.readouterr().err
+    assert not (tmp_path / "outside").exists()
+
+
+def test_a_recording_is_not_named_as_the_declaration(log, tmp_path, capsys):
+    (tmp_path / "x").mkdir()
+    odd = log.rename(tmp_path / "x" / "device.toml")
+    assert main(["new", str(tmp_path / "imu"), "--from", str(odd)]) == 1
+    assert "is what the declaration is named — rename the recording" in capsys.readouterr().err
+
+
+def test_names_reach_the_terminal_without_its_commands(log, capsys):
+    text = log.read_text().replace("gyro_x", "gyro\x1b[31m_x\u202e", 1)
+    log.write_text(text, encoding="utf-8")
+    main(["check", str(log)])
+    said = capsys.readouterr()
+    assert "\x1b" not in said.out + said.err
+    assert "\u202e" not in said.out + said.err

@@ -265,3 +265,13 @@ def test_gauss_for_an_acceleration_is_meant_as_gravity(tmp_path, motion):
     frame.insert(0, "time", np.arange(len(frame)) / RATE)
     frame.to_csv(tmp_path / "log.csv", index=False)
     assert tables_of(tmp_path / "log.csv")["accelerometer"]["unit"] == "g"
+
+
+def test_columns_that_hold_no_samples_are_passed_over(tmp_path, motion):
+    frame = pandas.DataFrame(motion.gyroscope, columns=["gx", "gy", "gz"])
+    frame["t"] = np.arange(len(frame)) / RATE
+    frame["covariance"] = [[0.0, 1.0]] * len(frame)
+    frame.to_parquet(tmp_path / "log.parquet")
+    guessed = guess_files([tmp_path / "log.parquet"])
+    assert [r.table["sensor"] for r in guessed.recordings] == ["gyroscope"]
+    assert "'covariance'" in guessed.left_out[0]

@@ -230,3 +230,14 @@ def test_a_gzip_bomb_stops_at_the_limit(tmp_path, monkeypatch):
     monkeypatch.setattr("sensorbook.recordings.tables.MAX_BYTES", 1 << 20)
     with pytest.raises(InputError, match=r"log\.csv: holds more than"):
         read(tmp_path, gzip.compress(bytes(2 << 20)), [0])
+
+
+def test_what_inflates_beyond_reason_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("sensorbook.recordings.tables._BOMB", 1 << 20)
+    bomb = gzip.compress(b"t,gx\n" + b"0.000000,0.000000\n" * 200_000)
+    with pytest.raises(
+        InputError, match=r"log\.csv\.gz: inflates more than 150 times, as no recording does"
+    ):
+        read(tmp_path, bomb, ["t"], name="log.csv.gz")
+    good = gzip.compress(text(np.random.default_rng(5).normal(size=(20_000, 4))).encode())
+    assert len(read(tmp_path, good, name="log.csv.gz")) == 20_000

@@ -138,3 +138,19 @@ def test_the_verdicts_of_an_earlier_run_count_with_only(line, tmp_path):
     before = json.loads((tmp_path / "out" / "dev-1" / "results.json").read_text())["checks"]
     assert line(NOISE, "--gate", "--only", "noise") == 3
     assert json.loads((tmp_path / "out" / "dev-1" / "results.json").read_text())["checks"] == before
+
+
+def test_a_verdict_that_hangs_on_a_guess_is_undecided(line, tmp_path, capsys):
+    assert line(NOISE, "--gate", spec=GOOD) == 0
+    text = (tmp_path / "device" / "device.toml").read_text()
+    (tmp_path / "device" / "device.toml").write_text(
+        text.replace('unit = "deg/s"\n', 'unit = "deg/s"\nguessed = { unit = "low" }\n', 1)
+    )
+    capsys.readouterr()
+    assert line(NOISE, "--gate") == 3
+    assert capsys.readouterr().err.splitlines()[0] == (
+        "dev-1: gyroscope angle random walk N x: 0.206 (0.196 … 0.217), limit ≤ 0.5 °/√h: undecided, "
+        "as the unit of the gyroscope is a guess — give it in device.toml"
+    )
+    page = (tmp_path / "out" / "dev-1" / "index.html").read_text(encoding="utf-8")
+    assert "? Not decided: 3 of 3 checks cannot be decided." in page

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sensorbook.errors import InputError
 from sensorbook.guessing.names import Named, read_name, unit_of
 from sensorbook.recordings.tables import Table
 
@@ -41,7 +42,7 @@ class Roles:
 
 def read_columns(table: Table) -> list[Column]:
     """Every column of a table, parsed."""
-    table.parse(range(len(table.names)))
+    unreadable = _parse(table)
     units = table.units or ("",) * len(table.names)
     read = []
     for index, name in enumerate(table.names):
@@ -49,9 +50,26 @@ def read_columns(table: Table) -> list[Column]:
         if unit := unit_of(units[index]) if units[index] else "":
             named = Named(named.role, named.sensor, named.axis, unit, named.group)
         unique = bool(name) and table.names.count(name) == 1
-        values, stamps = _as_numbers(table.column(index))
+        values, stamps = (None, False) if index in unreadable else _as_numbers(table.column(index))
         read.append(Column(index, name, name if unique else index, named, values, stamps))
     return read
+
+
+def _parse(table: Table) -> set[int]:
+    """Parses all columns; returns those that hold no samples, such as lists."""
+    try:
+        table.parse(range(len(table.names)))
+    except InputError as error:
+        unreadable = set()
+        for index in range(len(table.names)):
+            try:
+                table.parse([index])
+            except InputError:
+                unreadable.add(index)
+        if len(unreadable) == len(table.names):
+            raise error from None
+        return unreadable
+    return set()
 
 
 def _as_numbers(column: np.ndarray) -> tuple[np.ndarray | None, bool]:

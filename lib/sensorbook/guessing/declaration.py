@@ -115,10 +115,11 @@ def device_toml(guessed: Guessed, identity: str) -> str:
 def told(guessed: Guessed) -> Iterator[str]:
     """Lines that show every guess with its certainty and reason."""
     for recording in guessed.recordings:
-        yield _title(recording)
+        yield _comment(_title(recording))
         for guess in recording.guesses:
-            yield f"  {guess.key:<16} {_value(guess):<28} {guess.certainty:<9}  {_comment(guess.reason)}"
-    yield from guessed.left_out
+            line = f"  {guess.key:<16} {_value(guess):<28} {guess.certainty:<9}  {guess.reason}"
+            yield _comment(line)  # names of columns may hold anything
+    yield from map(_comment, guessed.left_out)
 
 
 def guess_rows(guessed: Guessed) -> list[dict[str, str]]:

@@ -112,7 +112,7 @@ def _guesses(recording: Recording) -> tuple[Finding, ...]:
         "low": "is a guess of low certainty",
         "not known": "is not known, and no result follows without it",
     }
-    remedy = f"give it in {FILE}, and delete it from `guessed`"
+    remedy = f"give it in {FILE}, and take it out of guessed there"
     return tuple(
         Finding(recording.file, recording.sensor, "guessed",
                 f"its {key.replace('_', ' ')} {said[sure]}", remedy)

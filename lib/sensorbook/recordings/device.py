@@ -14,6 +14,7 @@ import numpy as np
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.advice import advise, with_remedies
 from sensorbook.recordings.assemble import read_recording
+from sensorbook.recordings.checks import file_name
 from sensorbook.recordings.companions import with_shared_shocks, with_temperature
 from sensorbook.recordings.images import Images, read_images
 from sensorbook.recordings.paths import resolve
@@ -86,6 +87,8 @@ def _of_file(path: Path) -> tuple[Device | None, list[Problem]]:
     """The device that a bare recording file is guessed to hold."""
     from sensorbook.guessing import device_id, guess_files
 
+    if fault := file_name(path.name):
+        return None, [Problem(path.name, "", fault[0], "rename it")]
     try:
         guessed = guess_files([path])
     except InputError as error:
