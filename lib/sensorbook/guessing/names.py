@@ -119,6 +119,8 @@ def read_name(name: str) -> Named:
             return Named("axis", guessed, axis, unit, group)
     if words & _OTHER:
         return Named("other", "", axis, unit, group)
+    if joined == "sampletimefine":  # Xsens: counts 0.1 ms, which no unit of time spells
+        return Named("counter")
     if words & _TIME or joined in _TIME:
         return Named("time", "", "", unit if _is(unit, "s") else _time_word(tokens))
     if joined in _COUNTER or (words & _COUNTER and not sensor):

@@ -192,7 +192,7 @@ def _by_rotation(values, declared: str, rotation: Rotation, step: float) -> Unit
     if near and declared != "counts":
         return Unit(near[0], HIGH, seen)
     known = min(_GYROSCOPE_STEPS, key=lambda s: abs(np.log(s / np.degrees(one))))
-    if whole and abs(known / np.degrees(one) - 1) < max(0.02, 3 * rotation.error / rotation.scale):
+    if whole and abs(known / np.degrees(one) - 1) < max(0.01, 2 * rotation.error / rotation.scale):
         scale = {"factor": float(f"{known:.6g}"), "unit": "deg/s"}
         return Unit(
             "counts", MEDIUM, f"{seen}; {known:.4g} is a count of a common converter", scale

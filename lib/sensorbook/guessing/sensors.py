@@ -43,7 +43,8 @@ class Triple:
     @classmethod
     def of(cls, columns: Sequence[Column], clock: Clock) -> Triple:
         raw = np.stack([c.values for c in columns], axis=1)
-        raw[~np.isfinite(raw).all(axis=1)] = np.nan
+        with np.errstate(invalid="ignore"):
+            raw[~(np.abs(raw) <= ABSURD).all(axis=1)] = np.nan  # squares of more would overflow
         finite = _finite(raw)
         plain = {c.named.unit for c in columns} <= {"", "counts"}
         offset = scales.converter_offset(finite) if len(finite) and plain else 0.0
