@@ -13,6 +13,7 @@ from sensorbook.guessing.clock import Clock
 from sensorbook.guessing.columns import Column
 from sensorbook.guessing.names import sensor_of_unit
 from sensorbook.guessing.physics import Rotation, Sphere, rotation_scale, rotation_scale_between
+from sensorbook.recordings.assemble import ABSURD
 from sensorbook.recordings.motion import Blocks, Motion, of_field, of_rate
 
 _GRAVITY_MEANT = {"G": "g", "mG": "mg", "Gs": "g", "gs": "g"}
