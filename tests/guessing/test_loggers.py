@@ -275,3 +275,16 @@ def test_columns_that_hold_no_samples_are_passed_over(tmp_path, motion):
     guessed = guess_files([tmp_path / "log.parquet"])
     assert [r.table["sensor"] for r in guessed.recordings] == ["gyroscope"]
     assert "'covariance'" in guessed.left_out[0]
+
+
+@pytest.mark.parametrize(("gravity", "unit"), [(9.80665, "rad/s"), (1.0, "deg/s")])
+def test_where_both_are_possible_the_accelerometer_beside_it_tells(tmp_path, gravity, unit):
+    rng = np.random.default_rng(46)
+    rows = np.column_stack([
+        np.arange(2000) / RATE, rng.normal(0.004, 0.002, (2000, 3)),
+        rng.normal((0.0, 0.1 * gravity, 0.995 * gravity), 0.002 * gravity, (2000, 3)),
+    ])  # fmt: skip
+    np.savetxt(tmp_path / "log.csv", rows, "%.6f", ",", header="t,gx,gy,gz,ax,ay,az", comments="")
+    table = tables_of(tmp_path / "log.csv")["gyroscope"]
+    assert table["unit"] == unit
+    assert table["guessed"] == {"unit": "low"}

@@ -16,7 +16,7 @@ import numpy as np
 from sensorbook.errors import InputError, Problem
 from sensorbook.guessing import scales
 from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOWN, Guess, weakest
-from sensorbook.guessing.clock import Clock, find_clock
+from sensorbook.guessing.clock import NO_CLOCK, Clock, find_clock
 from sensorbook.guessing.columns import Column, read_columns, sort_columns
 from sensorbook.guessing.kinds import kind_of, quaternion_of
 from sensorbook.guessing.names import sensor_of, words_of
@@ -85,12 +85,14 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
         raise InputError(*problems)
     recordings, left_out = [], []
     swept = _sweep(opened)
+    accelerometers = [t for o in opened for t in o.triples if t.sensor == "accelerometer"]
+    beside_si = any(_unit(t, NO_CLOCK).unit == "m/s^2" for t in accelerometers)
     made: list[tuple[_Opened, GuessedRecording]] = []
     for one in opened:
         if derived := _derived(one):
             left_out.append(f"{_place(one)}: {derived}: left out.")
             continue
-        found, left = _recordings(one, swept)
+        found, left = _recordings(one, swept, beside_si)
         made += [(one, recording) for recording in found]
         left_out += left
         if not found and one.temperature is None:
@@ -222,7 +224,9 @@ def _by_rotation(clock: Clock, triples: Sequence[Triple]) -> Clock:
     return clock
 
 
-def _recordings(one: _Opened, swept: float) -> tuple[list[GuessedRecording], list[str]]:
+def _recordings(
+    one: _Opened, swept: float, beside_si: bool
+) -> tuple[list[GuessedRecording], list[str]]:
     """The recordings of one table, and what of it is left out."""
     where = one.file if one.name is None else f"{one.file}, {one.name}"
     by_sensor: dict[str, list[Triple]] = {}
@@ -235,7 +239,7 @@ def _recordings(one: _Opened, swept: float) -> tuple[list[GuessedRecording], lis
     chosen: dict[str, Triple] = {}
     units = {}
     for sensor, triples in by_sensor.items():
-        rated = [(t, _unit(t, one.clock)) for t in triples]
+        rated = [(t, _unit(t, one.clock, beside_si)) for t in triples]
         rated.sort(key=lambda pair: CERTAINTIES.index(pair[1].certainty))
         chosen[sensor], units[sensor] = rated[0]
         left += [
@@ -264,10 +268,12 @@ def _recordings(one: _Opened, swept: float) -> tuple[list[GuessedRecording], lis
     return made, left
 
 
-def _unit(triple: Triple, clock: Clock) -> scales.Unit:
+def _unit(triple: Triple, clock: Clock, beside_si: bool = False) -> scales.Unit:
     if triple.sensor == "gyroscope":
         known = clock.step if clock.certainty in (HIGH, MEDIUM) or clock.column else None
-        return scales.gyroscope(triple.finite, triple.unit, triple.as_rate, triple.rotation, known)
+        return scales.gyroscope(
+            triple.finite, triple.unit, triple.as_rate, triple.rotation, known, beside_si
+        )
     find = scales.BY_SENSOR[triple.sensor]
     return find(triple.finite, triple.unit, triple.as_field, triple.sphere)
 

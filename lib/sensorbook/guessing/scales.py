@@ -120,7 +120,12 @@ def magnetometer(values: np.ndarray, declared: str, motion: Motion, sphere: Sphe
 
 
 def gyroscope(
-    values: np.ndarray, declared: str, motion: Motion, rotation: Rotation | None, step: float | None
+    values: np.ndarray,
+    declared: str,
+    motion: Motion,
+    rotation: Rotation | None,
+    step: float | None,
+    beside_si: bool = False,
 ) -> Unit:
     """Unit of gyroscope readings (N, 3), their offset removed.
 
@@ -128,6 +133,7 @@ def gyroscope(
     ----------
     rotation : how they explain the turn of a field, where they do
     step : s from sample to sample, None where it is not known
+    beside_si : True where an accelerometer beside it reads m/s²: who logs that logs rad/s, too
     """
     if rotation is not None and rotation.convincing and step:
         return _by_rotation(values, declared, rotation, step)
@@ -169,6 +175,9 @@ def gyroscope(
     if (by_step := _by_step(values)) and fits(by_step[0]):
         return Unit(by_step[0], MEDIUM, f"{by_step[1]}, and {rest}")
     possible = [u for u in _UNITS["gyroscope"] if fits(u)]
+    if beside_si and "rad/s" in possible:
+        possible = ["rad/s", *(u for u in possible if u != "rad/s")]
+        rest += ", beside an accelerometer in m/s²"
     if not possible:
         return Unit("deg/s", UNKNOWN, f"{rest}, as a gyroscope does in no common unit")
     if len(possible) == 1:
