@@ -139,11 +139,11 @@ def test_acceleration_without_gravity_is_not_taken_for_one_that_has_it(tmp_path,
     with pytest.raises(InputError) as caught:
         guess_files([tmp_path / "Linear Acceleration.csv"])
     assert "holds an acceleration without gravity, not a reading" in str(caught.value)
+    frame.columns = ["t", "ax", "ay", "az"]
     frame.to_csv(tmp_path / "log.csv", index=False)
     (recording,) = guess_files([tmp_path / "log.csv"]).recordings
     (unit,) = (g for g in recording.guesses if g.key == "unit")
-    assert unit.certainty == "low"
-    assert "without gravity?" in unit.reason
+    assert unit.certainty == "not known"
 
 
 def test_semicolons_and_decimal_commas(tmp_path, motion):
@@ -288,3 +288,19 @@ def test_where_both_are_possible_the_accelerometer_beside_it_tells(tmp_path, gra
     table = tables_of(tmp_path / "log.csv")["gyroscope"]
     assert table["unit"] == unit
     assert table["guessed"] == {"unit": "low"}
+
+
+@pytest.mark.parametrize("stamp", ["whole seconds", "tenths"])
+def test_stamps_that_samples_share_are_no_temperature(tmp_path, stamp):
+    rng = np.random.default_rng(47)
+    time = np.arange(30_000) / RATE
+    time = np.floor(time) if stamp == "whole seconds" else np.floor(time * 10) / 10
+    rows = np.column_stack([time, rng.normal(0.1, 0.05, (len(time), 3))])
+    np.savetxt(
+        tmp_path / "log.csv", rows, "%.4f", ",", header="t,gx_dps,gy_dps,gz_dps", comments=""
+    )
+    (recording,) = guess_files([tmp_path / "log.csv"]).recordings
+    assert recording.table["kind"] == "static"
+    assert "temperature" not in recording.table["columns"]
+    if "rate" in recording.table and "rate" not in recording.table.get("guessed", {}):
+        assert recording.table["rate"] == pytest.approx(RATE, rel=0.01)

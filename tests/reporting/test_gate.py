@@ -154,3 +154,27 @@ def test_a_verdict_that_hangs_on_a_guess_is_undecided(line, tmp_path, capsys):
     )
     page = (tmp_path / "out" / "dev-1" / "index.html").read_text(encoding="utf-8")
     assert "? Not decided: 3 of 3 checks cannot be decided." in page
+
+
+def test_results_of_a_recording_that_changed_do_not_stand(tmp_path, monkeypatch, capsys):
+    notebook = write_notebook(
+        tmp_path / "n.ipynb", "# Noise", LOAD.replace("KIND", '"static"'), NOISE
+    )
+    folder = write_device(tmp_path / "device", "dev-1", [("gyroscope", "static")])
+    text = (folder / "device.toml").read_text().split("[spec.gyroscope]")[0]
+    (folder / "device.toml").write_text(text + GOOD)
+    monkeypatch.setattr(
+        chapters, "CHAPTERS", (chapter("noise", notebook), chapter("psd", notebook))
+    )
+    out = ["--out", str(tmp_path / "out")]
+    assert main(["report", str(folder), "--gate", *out]) == 0
+    rows = (folder / "data.csv").read_text().splitlines()
+    (folder / "data.csv").write_text("\n".join([*rows[:-1], "9,9,9,40"]) + "\n")
+    capsys.readouterr()
+    assert main(["report", str(folder), "--gate", "--only", "psd", *out]) == 0
+    said = capsys.readouterr().out
+    assert "dev-1 gyroscope/noise: of an earlier recording, removed: render it again" in said
+    found = json.loads((tmp_path / "out" / "dev-1" / "results.json").read_text())
+    assert [c["chapter"] for c in found["chapters"]] == ["psd"]
+    assert len({i["sha256"] for i in found["inputs"]}) == 1
+    assert not (tmp_path / "out" / "dev-1" / "gyroscope" / "noise.html").exists()

@@ -105,9 +105,9 @@ def sort_columns(columns: Sequence[Column]) -> Roles:
         still = len(finite) < 2 or finite.min() == finite.max()
         if v is None or (still and role != "axis"):
             roles.idle.append(column)
-        elif column.name.lower() == "t" and not _advances(finite) and _slow(v):
+        elif column.name == "T" and not _rises(finite) and _slow(v):
             roles.temperature = roles.temperature or column
-        elif column.stamps or (role == "time" and _advances(finite)):
+        elif column.stamps or (role == "time" and (_advances(finite) or _rises(finite))):
             roles.time.append(column)
         elif role == "counter" and _advances(finite):
             roles.counter.append(column)
@@ -138,6 +138,12 @@ def _advances(values: np.ndarray) -> bool:
         return False
     # A reading never rises through thousands of samples, and a slow one stands still in between.
     return bool(np.median(steps) > 0 and np.count_nonzero(steps >= 0) >= 0.98 * len(steps))
+
+
+def _rises(values: np.ndarray) -> bool:
+    """True for what never falls but for a few stamps: a time, even where samples share stamps."""
+    steps = np.diff(values)
+    return bool(values[-1] > values[0] and np.count_nonzero(steps >= 0) >= 0.98 * len(steps))
 
 
 def _counts(values: np.ndarray) -> bool:

@@ -128,6 +128,7 @@ def _derived(one: _Opened) -> str:
     words = set(words_of(one.name or Path(one.file).stem))
     if "gravity" in words:
         return "gravity as it is computed, not a reading"
+    words |= {w for t in one.triples for c in t.columns for w in words_of(c.name)}
     if words & {"linear", "user"} and words & {"acceleration", "accelerometer", "acc", "accel"}:
         unit = next((_unit(t, one.clock) for t in one.triples if t.sensor == "accelerometer"), None)
         if unit is None or unit.certainty in (LOW, UNKNOWN):

@@ -25,7 +25,11 @@ from sensorbook.reporting.render import TEMPLATES, page
 from sensorbook.reporting.results import AXES, overall
 
 LARGEST = 64 << 20  # bytes of a results.json that is read
-USUAL = ("random_walk", "bias_instability")  # always shown; others where they are judged
+USUAL = (
+    "random_walk",
+    "bias_instability",
+    "rate_random_walk",
+)  # always shown; others where they are judged
 CHECKED = ("rms_check", "residual_percent_check")  # of a calibration
 LISTED = 50  # devices named above the table
 FEWEST = 8  # devices of one model whose spread means something
@@ -88,7 +92,7 @@ def group_page(root: Path) -> str:
     ]
     script = (TEMPLATES / "group.js").read_text(encoding="utf-8")
     attention = [row for row in rows if row.attention]
-    outliers = [row for row in rows if row.outlying and not row.attention]
+    outliers = [row for row in rows if row.outlying]
     return page(
         "group",
         summary=_summary(rows),
@@ -184,8 +188,9 @@ def _take_check(row: Row, check: dict[str, Any]) -> None:
         if (rank[there.verdict], mine) >= (rank[check["verdict"]], excess / scale):
             return
     number = math.nan if value is None else value / scale
+    axis = "" if value is None else str(check["axis"])  # no axis has a result: none is worst
     error = _error(check["low"], check["high"]) if value else 0.0
-    row.values[key] = Value(number, str(check["axis"]), error, str(check["verdict"]), bound)
+    row.values[key] = Value(number, axis, error, str(check["verdict"]), bound)
 
 
 def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
@@ -194,8 +199,8 @@ def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
         if value.verdict in ("fail", "undecided"):
             name, unit = quantity_name(sensor, quantity), quantity_unit(sensor, quantity)[0]
             word = "" if value.verdict == "fail" else "undecided: "
-            number = "no result" if math.isnan(value.number) else f"{value.number:.3g}"
-            yield (f"{word}{sensor} {name[0].lower()}{name[1:]} {value.axis} {number}, "
+            number = "no result" if math.isnan(value.number) else digits(value.number)
+            yield (f"{word}{sensor} {name[0].lower()}{name[1:]} {value.axis or 'of all axes'} {number}, "
                    f"limit {value.bound} {unit}")  # fmt: skip
     yield from (str(problem) for problem in found["problems"][:3])
     for status in ("failed", "refused"):
@@ -204,6 +209,12 @@ def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
             yield f"{chapter['sensor']}, {chapter['title']}: {status}" + (
                 f" ({reason})" if reason else ""
             )
+
+
+def digits(number: float) -> str:
+    """Three digits, trailing zeros kept: 0.300 is not 0.3."""
+    text = f"{number:#.3g}"
+    return text.rstrip(".") if "e" not in text else f"{number:.3g}"
 
 
 def _error(low: Any, high: Any) -> float:
@@ -327,7 +338,7 @@ def _summary(rows: Sequence[Row]) -> list[tuple[str, str]]:
             sum(r.verdict is None and r.status != "failed" for r in rows),
         ),
         ("fail", "✗ {} with a failed chapter", sum(r.status == "failed" for r in rows)),
-        ("undecided", "{} partly refused", sum(r.status == "refused" for r in rows)),
+        ("undecided", "{} with refusals", sum(r.status == "refused" for r in rows)),
     ]
     return [(kind, words.format(count)) for kind, words, count in counted if count]
 
@@ -336,7 +347,7 @@ def _table_row(row: Row, columns: Sequence[Column]) -> Markup:
     """One row; end tags that HTML lets out are left out."""
     report = {
         "failed": "✗ failed",
-        "refused": "partly refused",
+        "refused": "with refusals",
         "complete": "complete",
         "empty": "–",
     }
@@ -354,7 +365,7 @@ def _table_row(row: Row, columns: Sequence[Column]) -> Markup:
 def _cell(value: Value | None) -> Markup:
     if value is None:
         return Markup("<td>–")
-    number = "–" if math.isnan(value.number) else f"{value.number:.3g}"
+    number = "–" if math.isnan(value.number) else digits(value.number)
     mark = f" {SYMBOLS[value.verdict]}" if value.verdict in ("fail", "undecided") else ""
     kind = Markup(f" class={value.verdict}") if mark else ""
     return Markup("<td{}>{} {}{}").format(kind, number, value.axis, mark)

@@ -46,6 +46,20 @@ def read_records(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
+def outdated(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The records of files that a later record found changed: numbers of what is no longer there."""
+    latest: dict[str, tuple[str, str]] = {}  # file: when read, and its hash then
+    for record in records:
+        for entry in record.get("inputs", ()):
+            read = (str(record.get("created", "")), entry["sha256"])
+            latest[entry["file"]] = max(latest.get(entry["file"], ("", "")), read)
+    return [
+        record
+        for record in records
+        if any(entry["sha256"] != latest[entry["file"]][1] for entry in record.get("inputs", ()))
+    ]
+
+
 def assemble(
     device: dict[str, Any],
     software: dict[str, str],

@@ -192,7 +192,7 @@ def _run(
             raise
     found = []
     for device in ready:
-        found.append(_finish(device, tree))
+        found.append(_finish(device, tree, said))
         said.line(f"{out / device.id / 'index.html'}")
     tree.write(tree.root / "index.html", group.group_page(tree.root))
     said.line(f"{out / 'index.html'}")
@@ -269,7 +269,7 @@ def _chapter(
     return outcome.status
 
 
-def _finish(device: _Device, tree: Tree) -> dict[str, Any]:
+def _finish(device: _Device, tree: Tree, said: _Said) -> dict[str, Any]:
     """Writes what derives from the chapters' files: results.json and the device's index."""
     folder = tree.root / device.id
     for sensor in results.sensors():
@@ -278,6 +278,12 @@ def _finish(device: _Device, tree: Tree) -> dict[str, Any]:
                 for kind in ("html", "json", "ipynb"):
                     (folder / sensor / f"{chapter.slug}.{kind}").unlink(missing_ok=True)
     records = results.read_records(folder)
+    for record in results.outdated(records):
+        sensor, slug = record["sensor"], record["chapter"]
+        said.line(f"{device.id} {sensor}/{slug}: of an earlier recording, removed: render it again")
+        for kind in ("html", "json", "ipynb"):
+            (folder / sensor / f"{slug}.{kind}").unlink(missing_ok=True)
+        records.remove(record)
     found = results.assemble(
         device.about, execute.software(), execute.now(), records, device.problems
     )
