@@ -208,7 +208,7 @@ def test_plain_device(plain):
     noise_page = plain.page("noise")
     assert "the floor is level up to half the sampling rate; every line outside" in noise_page
     assert "was not simulated: there is no truth" in noise_page
-    assert "no random walk is visible" in noise_page
+    assert "no random walk K is visible" in noise_page
     assert any("heating only" in w["message"] for w in plain.results["warnings"])
     slopes = [plain.results["sensors"]["gyroscope"]["thermal"][a] for a in "xyz"]
     for entry, true in zip(slopes, (0.01, -0.02, 0.005), strict=True):
