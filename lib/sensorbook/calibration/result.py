@@ -1,0 +1,140 @@
+"""The one result of every static calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from sensorbook.calibration.model import ErrorModel, parameter_names
+
+RMS_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad"}
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A deterministic calibration with its uncertainty, SI.
+
+    Attributes
+    ----------
+    method : "six_position", "recursive", "multi_position" or "rest_to_rest"
+    sensor, data : the sensor, and what was fed in: "raw", "denoised" or "means"
+    model : the error model found
+    free : (3, 3) which entries of the matrix were free; g-sensitivity is free where `covariance` has
+        three more parameters
+    covariance : (K, K) of the free matrix entries (row by row), biases and g-sensitivities
+    dof : degrees of freedom of the residuals that scaled the covariance
+    chi_square : weighted sum of squared residuals over `dof` before that scaling: 1 where the
+        samples' own noise explains them
+    excess : standard deviation added to every position's, in the unit of the residuals
+    residuals : (P,) or (P, 2) of the positions or rotations that were fitted, in `rms_unit`
+    kept : (P,) which of the positions offered were used; the others stand in `rejected` by name
+    rms_before, rms_after, rms_check : about nominal, fitted, and fitted without the positions judged
+    """
+
+    method: str
+    sensor: str
+    data: str
+    model: ErrorModel
+    free: np.ndarray
+    covariance: np.ndarray
+    dof: int
+    chi_square: float
+    excess: float
+    residuals: np.ndarray
+    kept: np.ndarray
+    rejected: tuple[str, ...]
+    gravity: float
+    rms_before: float = np.nan
+    rms_after: float = np.nan
+    rms_check: float = np.nan
+    reference_temperature: float | None = None
+    temperature: dict | None = None
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names in the order of `covariance`."""
+        names = parameter_names(self.free)
+        more = len(self.covariance) - len(names)
+        return (*names, *(f"g_sensitivity.{axis}" for axis in "xyz"[:more]))
+
+    @property
+    def values(self) -> np.ndarray:
+        """(K,) in the order of `parameters`."""
+        found = np.r_[self.model.matrix[self.free], self.model.bias, self.model.g_sensitivity]
+        return found[: len(self.covariance)]
+
+    @property
+    def std(self) -> np.ndarray:
+        """(K,) standard errors."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def interval_factor(self) -> float:
+        """Half width of the 95 % interval in standard errors: Student's t."""
+        return float(stats.t.ppf(0.975, max(self.dof, 1)))
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(K, K) correlation matrix of the parameters."""
+        return self.covariance / np.outer(self.std, self.std)
+
+    def std_of(self, part: str) -> np.ndarray:
+        """Standard errors of "matrix" (3, 3, zero where fixed), "bias" or "g_sensitivity" (3,)."""
+        if part == "matrix":
+            result = np.zeros((3, 3))
+            result[self.free] = self.std[: self.free.sum()]
+            return result
+        at = self.free.sum() + (0 if part == "bias" else 3)
+        return self.std[at : at + 3] if at < len(self.std) else np.zeros(3)
+
+    def to_frame(self) -> pd.DataFrame:
+        """One parameter a row: value, standard error and 95 % interval, SI."""
+        half = self.interval_factor * self.std
+        return pd.DataFrame(
+            {
+                "value": self.values,
+                "std": self.std,
+                "low": self.values - half,
+                "high": self.values + half,
+            },
+            index=pd.Index(self.parameters, name="parameter"),
+        )
+
+    def _repr_html_(self) -> str:
+        return self.to_frame().to_html(float_format="{:.6g}".format, border=0)
+
+    def to_results(self) -> dict:
+        """As results.json states a calibration."""
+        gyroscope = self.sensor == "gyroscope"
+        std = {"matrix": self.std_of("matrix"), "bias": self.std_of("bias")}
+        visible = bool(np.any(self.model.g_sensitivity))
+        if gyroscope:
+            std["g_sensitivity"] = self.std_of("g_sensitivity")
+        return {
+            "method": self.method,
+            "model": int(self.free.sum()) + 3,
+            "input": self.data,
+            "matrix": self.model.matrix,
+            "bias": self.model.bias,
+            "g_sensitivity": self.model.g_sensitivity if visible else None,
+            "std": std,
+            "interval_factor": self.interval_factor,
+            "parameters": list(self.parameters),
+            "covariance": self.covariance,
+            "degrees_of_freedom": self.dof,
+            "chi_square": self.chi_square,
+            "rms_before": self.rms_before,
+            "rms_after": self.rms_after,
+            "rms_check": None if np.isnan(self.rms_check) else self.rms_check,
+            "rms_unit": RMS_UNITS[self.sensor],
+            "positions": int(self.kept.sum()),
+            "rejected": list(self.rejected),
+            "unit": "rad/s" if gyroscope else "m/s^2",
+            "gravity": self.gravity,
+            "reference_temperature": self.reference_temperature,
+            "temperature_unit": "degC",
+            "temperature": self.temperature,
+        }
