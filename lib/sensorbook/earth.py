@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 STANDARD_GRAVITY = 9.80665  # m/s², exact (CGPM 1901)
-LOWEST_GRAVITY, HIGHEST_GRAVITY = 9.764, 9.834  # m/s², Huascarán and the Arctic Ocean (GGMplus 2013)
+LOWEST_GRAVITY, HIGHEST_GRAVITY = (
+    9.764,
+    9.834,
+)  # m/s², Huascarán and the Arctic Ocean (GGMplus 2013)
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NIMA TR8350.2, table 3.1)
 
 # WGS 84 ellipsoid (NIMA TR8350.2, tables 3.1, 3.3 and 3.4).

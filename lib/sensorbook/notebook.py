@@ -104,31 +104,65 @@ def load_rests(folder: str, sensor: str, thermal_record: str) -> tuple[sensorboo
     Each is on an even time base and less the bias's change with temperature, where the record of the
     thermal chapter (a path, or "") has a model. What was done is said, what is odd is warned of.
     """
-    from sensorbook.apply import remove_thermal
-
     source, runs = load(folder, sensor, "static")
-    record_ = read_record(thermal_record) or {}
-    thermal = record_.get("results", {}).get("thermal")
-    if record_.get("status") == "refused":
-        thermal = {"reason": record_["reason"]}
-    ready = []
+    rests = []
     for run in runs:
         even, done = run.evenly_sampled()
         for sentence in done:
             warn(sentence, run.file)
-        rest, sentence, warning = remove_thermal(even, thermal)
+        rests.append(even)
+    ready = _without_thermal(rests, thermal_record)
+    for rest in ready:
+        moves = 0.0 if rest.temperature is None else rest.temperature.std()
+        if moves > 0.5 and not _thermal(thermal_record):
+            warn(
+                f"The temperature moves by {moves:.1f} °C rms in this rest: slow noise may be thermal.",
+                rest.file,
+            )
+    return source, ready
+
+
+def _thermal(thermal_record: str) -> dict | None:
+    """`thermal` of the thermal chapter's record; with a reason where it was refused."""
+    found = read_record(thermal_record) or {}
+    if found.get("status") == "refused":
+        return {"reason": found["reason"]}
+    return found.get("results", {}).get("thermal")
+
+
+def _without_thermal(runs: Iterable[sensorbook.Recording], thermal_record: str) -> tuple:
+    """The recordings less their bias's change with temperature; says what was done, and warns."""
+    from sensorbook.apply import remove_thermal
+
+    ready = []
+    for run in runs:
+        done, sentence, warning = remove_thermal(run, _thermal(thermal_record))
         if not ready:
             say("{text}", text=sentence)
         if warning:
             warn(warning, run.file)
-        if even.temperature is not None and not thermal and even.temperature.std() > 0.5:
-            warn(
-                f"The temperature moves by {even.temperature.std():.1f} °C rms in this rest: slow noise "
-                "may be thermal.",
-                run.file,
-            )
-        ready.append(rest)
-    return source, tuple(ready)
+        ready.append(done)
+    return tuple(ready)
+
+
+def load_positions(
+    folder: str, sensor: str, kind: str, thermal_record: str
+) -> tuple[sensorbook.Device, tuple, tuple]:
+    """The device, its recordings of rest positions, and those kept for checking (`check = true`).
+
+    Each is less the bias's change with temperature, where the record of the thermal chapter has a
+    model. What was done is said.
+    """
+    source, runs = load(folder, sensor, kind)
+    ready = _without_thermal(runs, thermal_record)
+    kept = tuple(r for r in ready if not r.declaration.get("check"))
+    if not kept:
+        raise sensorbook.Refusal(
+            f"Every {kind} recording of the {sensor} is kept for checking (check = true): none is left "
+            "to calibrate with.",
+            "Take check = true out of one of them.",
+        )
+    return source, kept, tuple(r for r in ready if r.declaration.get("check"))
 
 
 def say(template: str, **values: Any) -> None:

@@ -136,6 +136,13 @@ def unit_fault(spelling: object, si: str) -> Fault | None:
     return None
 
 
+def flag(value: object) -> Fault | None:
+    """true or false."""
+    return (
+        None if isinstance(value, bool) else (f"{shown(value)} is not true or false", "write true")
+    )
+
+
 def guessed(value: object) -> Fault | None:
     """Which values of a recording are guesses: reports warn of low ones and refuse unknown ones."""
     if isinstance(value, dict) and all(sure in ("low", "not known") for sure in value.values()):

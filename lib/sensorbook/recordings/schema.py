@@ -27,6 +27,7 @@ KINDS = {  # kind: sensors it is recorded with, besides a temperature of its own
     "images": ("camera",),
     "trajectory": (*SENSOR_UNITS, "reference"),
 }
+_CHECKED = ("positions", "six_position")  # kinds of which recordings may be kept for checking
 _RATIOS = ("residual_percent", "residual_percent_check", "coverage_percent")
 
 
@@ -107,6 +108,7 @@ _RECORDING: Checks = {
     "segments": checks.file_name,
     "quaternion": checks.one_of("body_to_reference", "reference_to_body"),
     "guessed": checks.guessed,
+    "check": checks.flag,  # kept out of a calibration, and used to judge it
     "camera": checks.table,
     "poses": checks.file_name,
 }
@@ -200,6 +202,9 @@ def _check_recording(number: int, table: dict) -> Declared:
     if sensor and kind and sensor != "temperature" and sensor not in KINDS[kind]:
         wrong("kind", (f"{kind!r} is not recorded with the {sensor}",
                        f"use it with {' or '.join(KINDS[kind])}"))  # fmt: skip
+    if "check" in table and kind and kind not in _CHECKED:
+        wrong("check", (f"a recording of kind {kind!r} is not used to check a calibration",
+                        f"leave it out; it goes with {' and '.join(_CHECKED)}"))  # fmt: skip
     if sensor == "camera":
         _check_camera(table, wrong)
     elif sensor:

@@ -1,0 +1,297 @@
+"""From recordings of a hand-moved device to its rest positions, each of them checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sensorbook.calibration.coverage import distinct
+from sensorbook.calibration.model import FREE
+from sensorbook.calibration.multi_position import multi_position, require_coverage
+from sensorbook.calibration.positions import Positions, cut
+from sensorbook.calibration.rests import (
+    SHORTEST,
+    STILL,
+    THRESHOLDS,
+    Scatter,
+    quiet_spans,
+    rolling_scatter,
+)
+from sensorbook.errors import InputError, Problem, Refusal
+from sensorbook.recordings.clock import advancing
+from sensorbook.recordings.recording import Recording
+
+IN_MOTION = 5.0  # times the scatter of the quietest rests: a labelled rest that was none
+SATURATED = 0.2  # share of a rest's samples at the recording's very extreme
+ALIKE = 1.1  # times the smallest residual is as good as that
+KEPT = 0.8  # of the most rests that any threshold finds: fewer, and a small residual is no merit
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The rests of an accelerometer's recordings, and the gyroscope's beside them.
+
+    Attributes
+    ----------
+    positions : of the accelerometer, m/s²
+    gyroscope : of the gyroscope during the same rests, rad/s; None where it was not recorded
+    aside : (label, reason) of each rest that was found and not used
+    scatters : by recording the rolling scatter of each sensor
+    threshold : chosen, in units of the initial rest's scatter; None for rests labelled by hand
+    sweep : (threshold, rests, residual in m/s² or None where refused) of each that was tried
+    """
+
+    positions: Positions
+    gyroscope: Positions | None
+    aside: tuple[tuple[str, str], ...]
+    scatters: tuple[tuple[Scatter, ...], ...]
+    threshold: float | None
+    sweep: tuple[tuple[float, int, float | None], ...]
+
+    def __getitem__(self, rows) -> Found:
+        gyroscope = None if self.gyroscope is None else self.gyroscope[rows]
+        return replace(self, positions=self.positions[rows], gyroscope=gyroscope)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """One recording ready for use: finite samples on an advancing clock, the gyroscope on its time."""
+
+    recording: Recording
+    time: np.ndarray
+    values: np.ndarray
+    temperature: np.ndarray | None
+    turn_time: np.ndarray | None
+    turn: np.ndarray | None
+
+    def temperature_on_turn(self) -> np.ndarray | None:
+        """The temperature on the gyroscope's time."""
+        if self.temperature is None:
+            return None
+        return np.interp(self.turn_time, self.time, self.temperature)
+
+
+def beside(accelerometer: Recording, gyroscopes: Sequence[Recording]) -> Recording | None:
+    """The gyroscope's recording in the same time base: of the same file, or overlapping it."""
+    for g in gyroscopes:
+        if g.file == accelerometer.file and g.declaration.get(
+            "table"
+        ) == accelerometer.declaration.get("table"):
+            return g
+    return max(
+        (g for g in gyroscopes if _overlap(accelerometer, g) > 0.8),
+        key=lambda g: _overlap(accelerometer, g),
+        default=None,
+    )
+
+
+def find_positions(
+    accelerometers: Sequence[Recording], gyroscopes: Sequence[Recording], gravity: float
+) -> Found:
+    """Rests labelled by hand where the recordings have segments, otherwise the quiet stretches.
+
+    A stretch is quiet where the scatter over half a second, of the accelerometer and of the gyroscope
+    beside it, stays below a threshold relative to the initial rest. The threshold is chosen from
+    `THRESHOLDS` by the residual of the calibration that follows.
+
+    Raises
+    ------
+    InputError : the unit is wrong (at rest the readings are far from gravity)
+    Refusal : no rest, or a recording too short
+    """
+    runs = [_prepare(a, beside(a, gyroscopes)) for a in accelerometers]
+    scatters = tuple(_scatters(run) for run in runs)
+    if all(a.segments for a in accelerometers):
+        spans = [[(s.start, s.end) for s in a.segments] for a in accelerometers]
+        labels = [[s.label for s in a.segments] for a in accelerometers]
+        found = _cut(runs, spans, labels)
+        _require_unit(found[0], runs, gravity)
+        motion = _in_motion(found[0])
+        return _without_bad(runs, *found, motion, scatters, None, ())
+    tried = []
+    for threshold in THRESHOLDS:
+        spans = [quiet_spans(s, threshold) for s in scatters]
+        if any(spans):
+            found = _cut(runs, spans, None)
+            _require_unit(found[0], runs, gravity)
+            made = _without_bad(runs, *found, {}, scatters, threshold, ())
+            tried.append((made, _residual(made.positions, gravity)))
+    if not tried:
+        raise Refusal(
+            f"No rest of at least {SHORTEST:g} s was found in {', '.join(a.file for a in accelerometers)}.",
+            "Lay the device down for at least 2 s in each position, without holding it.",
+        )
+    sweep = tuple((made.threshold, len(made.positions), r) for made, r in tried)
+    most = max(len(made.positions) for made, _ in tried)
+    usable = [
+        (made, r) for made, r in tried if r is not None and len(made.positions) >= KEPT * most
+    ]
+    if usable:
+        # The strictest that is as good as any: rests begin and end late, and nothing else is lost.
+        least = min(r for _, r in usable)
+        best = next(made for made, r in usable if r <= ALIKE * least)
+    else:
+        best = max((made for made, _ in tried), key=_variety)
+    return replace(best, sweep=sweep)
+
+
+def require_gyroscope(found: Found) -> Positions:
+    """The gyroscope's rests; raises `Refusal` where it was not recorded beside the accelerometer."""
+    if found.gyroscope is None:
+        raise Refusal(
+            "The gyroscope's recording has no accelerometer in the same time base, so that nothing "
+            "says how far it was turned.",
+            "Record both sensors in one file while the device is moved from rest to rest.",
+        )
+    return found.gyroscope
+
+
+def _variety(found: Found) -> int:
+    means = found.positions.means
+    return distinct(means / np.maximum(np.linalg.norm(means, axis=1), 1e-300)[:, None])
+
+
+def _overlap(a: Recording, b: Recording) -> float:
+    """Share of a's time that b covers, on the files' own clocks."""
+    first, last = a.start + np.nanmin(a.time), a.start + np.nanmax(a.time)
+    start, end = b.start + np.nanmin(b.time), b.start + np.nanmax(b.time)
+    return (min(last, end) - max(first, start)) / max(last - first, 1e-12)
+
+
+def _prepare(recording: Recording, turning: Recording | None) -> _Run:
+    good = advancing(recording.time) & np.isfinite(recording.values).all(axis=1)
+    if good.sum() < 50 or recording.rate is None:
+        raise Refusal(
+            f"{recording.file} holds {int(good.sum())} usable samples of the {recording.sensor}.",
+            "Record at 20 Hz or more, for at least 2 s in each position.",
+        )
+    temperature = recording.temperature
+    turn_time = turn = None
+    if turning is not None:
+        usable = advancing(turning.time) & np.isfinite(turning.values).all(axis=1)
+        if usable.sum() >= 50 and turning.rate:
+            turn_time = turning.time[usable] + turning.start - recording.start
+            turn = turning.values[usable]
+    return _Run(
+        recording,
+        recording.time[good],
+        recording.values[good],
+        None if temperature is None else temperature[good],
+        turn_time,
+        turn,
+    )
+
+
+def _scatters(run: _Run) -> tuple[Scatter, ...]:
+    own = rolling_scatter("accelerometer", run.time, run.values, run.recording.rate)
+    if run.turn is None:
+        return (own,)
+    rate = 1 / float(np.median(np.diff(run.turn_time)))
+    return own, rolling_scatter("gyroscope", run.turn_time, run.turn, rate)
+
+
+def _cut(runs, spans, labels) -> tuple[Positions, Positions | None]:
+    positions = cut([(r.time, r.values, r.temperature) for r in runs], spans, labels)
+    if any(r.turn is None for r in runs):
+        return positions, None
+    gyroscope = cut([(r.turn_time, r.turn, r.temperature_on_turn()) for r in runs], spans, labels)
+    return positions, gyroscope if len(gyroscope) == len(positions) else None
+
+
+def _require_unit(positions: Positions, runs, gravity: float) -> None:
+    """Raises `InputError` where rests are far from gravity: a wrong unit or scale."""
+    length = float(np.median(np.linalg.norm(positions.means, axis=1)))
+    if 0.5 * gravity < length < 1.7 * gravity:
+        return
+    recording = runs[0].recording
+    unit = recording.declaration.get("unit", recording.unit)
+    mend = "check unit and scale"
+    if 0.5 < length < 1.7:
+        mend = 'that is 1 g: declare unit = "g"'
+    elif 0.5 < length / gravity**2 < 1.7:
+        mend = 'gravity was multiplied twice: declare unit = "m/s^2"'
+    raise InputError(
+        Problem(
+            recording.file,
+            "unit",
+            f"at rest the accelerometer reads {length:.3g} m/s² with unit {unit!r}, "
+            f"but gravity is {gravity:.3g} m/s²",
+            mend,
+        )
+    )
+
+
+def _in_motion(positions: Positions) -> dict[int, str]:
+    """Rests labelled by hand during which the device was moved."""
+    scatter = np.array([np.sqrt(s.var(axis=0).sum()) for s in positions.samples])
+    quiet = np.quantile(scatter, 0.25)
+    return {
+        i: f"the device was in motion: its readings scatter {scatter[i] / quiet:.0f} times as much as in "
+        "the quietest rests"
+        for i in np.flatnonzero(scatter > IN_MOTION * quiet)
+    }
+
+
+def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep) -> Found:
+    """Sets aside what is no rest, with the reason."""
+    reasons = {**_saturated(positions, runs), **_turning(positions), **motion}
+    for i, label_samples in enumerate(positions.samples):
+        if len(label_samples) < 5:
+            reasons.setdefault(i, f"it has {len(label_samples)} samples only")
+    keep = np.array([i not in reasons for i in range(len(positions))], dtype=bool)
+    aside = tuple((positions.labels[i], reasons[i]) for i in sorted(reasons))
+    return Found(
+        positions[keep],
+        None if gyroscope is None else gyroscope[keep],
+        aside,
+        scatters,
+        threshold,
+        sweep,
+    )
+
+
+def _saturated(positions: Positions, runs) -> dict[int, str]:
+    """Rests at the end of the range: an extreme that is reached elsewhere, too, and never passed."""
+    found = {}
+    for r, run in enumerate(runs):
+        for axis in range(3):
+            column = run.values[:, axis]
+            for extreme in (column.max(), column.min()):
+                places = np.flatnonzero(np.diff(np.r_[False, column == extreme].astype(int)) == 1)
+                if len(places) < 2:
+                    continue
+                for i in np.flatnonzero(positions.runs == r):
+                    share = float(np.mean(positions.samples[i][:, axis] == extreme))
+                    if share > SATURATED:
+                        found[i] = (
+                            f"{'xyz'[axis]} is saturated: {100 * share:.0f} % of its samples are at "
+                            f"{extreme:.5g} m/s², which the recording never passes; choose a wider range"
+                        )
+    return found
+
+
+def _turning(positions: Positions) -> dict[int, str]:
+    """Rests during which the mean direction moves: a slow hand, not a table."""
+    found = {}
+    for i, samples in enumerate(positions.samples):
+        n = len(samples) // 3
+        if n < 5:
+            continue
+        first, last = samples[:n].mean(axis=0), samples[-n:].mean(axis=0)
+        noise = np.sqrt(2 * samples.var(axis=0).sum() / n)
+        moved = np.linalg.norm(last - first)
+        angle = np.degrees(moved / np.linalg.norm(samples.mean(axis=0)))
+        if angle > STILL and moved > 5 * noise:
+            found[i] = f"the device was turned by {angle:.1f}° meanwhile"
+    return found
+
+
+def _residual(positions: Positions, gravity: float) -> float | None:
+    """Of the calibration that these rests give; None where they are refused."""
+    try:
+        require_coverage(positions, gravity, FREE[9])
+        return multi_position(positions, gravity, check=False).rms_after
+    except Refusal:
+        return None

@@ -1,0 +1,203 @@
+"""Bias and scale factors against temperature, where positions were repeated at several (A 5.2, 5.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sensorbook.calibration.adjustment import paule_mandel
+from sensorbook.calibration.model import FREE, ErrorModel
+from sensorbook.calibration.positions import Positions
+from sensorbook.calibration.result import Calibration
+
+DEGREES = (0, 1, 2, 3)
+SMALLEST_SPAN = 5.0  # °C; less hardly moves anything
+SAME = 2.0  # °C: recordings nearer than this are at one temperature
+ITERATIONS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class TemperatureFit:
+    """A calibration with bias and scale factors as polynomials of temperature.
+
+    Attributes
+    ----------
+    calibration : at the reference temperature, its `temperature` filled where `degree` > 0
+    degree : chosen by leaving out whole recordings
+    errors : by degree, rms of ``‖a‖ − g`` of recordings left out, m/s²; None where it cannot be told
+    changes : (6,) change of three scale factors and three biases across the range, and its standard
+        errors; zero for degree 0
+    """
+
+    calibration: Calibration
+    degree: int
+    errors: dict[int, float | None]
+    range: tuple[float, float]
+    changes: np.ndarray
+    changes_std: np.ndarray
+
+
+def several_temperatures(positions: Positions) -> bool:
+    """Whether the recordings are at three temperatures or more, at least 5 °C apart in all."""
+    if positions.temperature is None:
+        return False
+    means = np.sort(
+        [positions.temperature[positions.runs == r].mean() for r in np.unique(positions.runs)]
+    )
+    levels = 1 + int((np.diff(means) > SAME).sum())
+    return levels >= 3 and np.ptp(positions.temperature) >= SMALLEST_SPAN
+
+
+def fit_temperature(calibration: Calibration, positions: Positions) -> TemperatureFit:
+    """Fits all recordings jointly, misalignments in common.
+
+    Parameters
+    ----------
+    calibration : of the same positions without temperature, the start
+    positions : with temperatures, at several of them (`several_temperatures`)
+
+    The degree is the simplest whose error on whole recordings left out is within one standard error
+    of the best. A recording left out counts where the others cover its temperature.
+    """
+    used = positions[calibration.kept]
+    low, high = float(used.temperature.min()), float(used.temperature.max())
+    reference = round(float(used.temperature.mean()), 1)
+    half = max(high - reference, reference - low)
+    scaled = (used.temperature - reference) / half
+    levels = len(np.unique(np.round(used.temperature / SAME)))
+    errors: dict[int, np.ndarray] = {}
+    for degree in DEGREES[: max(1, levels - 1)]:
+        held = _left_out(used, scaled, degree, calibration)
+        if held is not None:
+            errors[degree] = held
+    degree = _choose(errors)
+    fit = _fit(used, scaled, degree, calibration, np.ones(len(used), dtype=bool))
+    base, coefficients, covariance, residual, excess, chi = fit
+    model = ErrorModel(base.matrix, base.bias)
+    count = len(covariance)
+    changes, spread = np.zeros(6), np.zeros(6)
+    entry = None
+    if degree:
+        ends = (np.array([high, low]) - reference) / half
+        powers = np.array([ends[0] ** k - ends[1] ** k for k in range(1, degree + 1)])
+        changes = powers @ coefficients
+        for j in range(6):
+            at = 9 + 6 * np.arange(degree) + j
+            spread[j] = np.sqrt(powers @ covariance[np.ix_(at, at)] @ powers)
+        per_degree = coefficients / half ** np.arange(1, degree + 1)[:, None]
+        entry = {
+            "degree": degree,
+            "range": [low, high],
+            "temperature_unit": "degC",
+            "matrix_coefficients": [np.diag(c[:3]) for c in per_degree],
+            "bias_coefficients": [c[3:] for c in per_degree],
+        }
+    rms = {d: None if e is None else float(np.sqrt(e.mean())) for d, e in errors.items()}
+    done = replace(
+        calibration,
+        model=model,
+        covariance=covariance[:9, :9],
+        dof=max(len(used) - count, 1),
+        chi_square=chi,
+        excess=excess,
+        residuals=residual,
+        rms_after=float(np.sqrt(np.mean(residual**2))),
+        rms_check=rms.get(degree) or calibration.rms_check,
+        reference_temperature=reference,
+        temperature=entry,
+    )
+    return TemperatureFit(done, degree, rms, (low, high), changes, spread)
+
+
+def _left_out(positions, scaled, degree, start) -> np.ndarray | None:
+    """Mean square of ``‖a‖ − g`` of each recording by a fit without it, where others cover it."""
+    found = []
+    for r in np.unique(positions.runs):
+        out = positions.runs == r
+        inside = (scaled[out] >= scaled[~out].min() - 0.05) & (
+            scaled[out] <= scaled[~out].max() + 0.05
+        )
+        levels = len(np.unique(np.round(scaled[~out], 1)))
+        if inside.mean() < 0.5 or levels <= degree:
+            continue
+        base, coefficients, *_ = _fit(positions, scaled, degree, start, ~out)
+        found.append(
+            np.mean(
+                _errors(base, coefficients, positions.means[out], scaled[out], start.gravity) ** 2
+            )
+        )
+    return np.array(found) if found else None
+
+
+def _choose(errors: dict[int, np.ndarray]) -> int:
+    if not errors:
+        return 0
+    best = min(errors, key=lambda d: errors[d].mean())
+    for degree in sorted(errors):
+        a, b = errors[degree], errors[best]
+        if len(a) != len(b):
+            continue
+        gap = a - b
+        limit = gap.std(ddof=1) / np.sqrt(len(gap)) if len(gap) > 1 else 0.2 * b.mean()
+        if degree == best or gap.mean() <= limit:
+            return degree
+    return best
+
+
+def _corrected(base: ErrorModel, coefficients, means, scaled):
+    """(P, 3) true values, and (P, 3, 3) inverse matrices, each at its own temperature."""
+    matrix = np.broadcast_to(base.matrix, (len(means), 3, 3)).copy()
+    bias = np.broadcast_to(base.bias, (len(means), 3)).copy()
+    for k, c in enumerate(coefficients, start=1):
+        power = scaled[:, None] ** k
+        matrix[:, range(3), range(3)] += power * c[:3]
+        bias += power * c[3:]
+    inverse = np.linalg.inv(matrix)
+    return np.einsum("pij,pj->pi", inverse, means - bias), inverse
+
+
+def _errors(base, coefficients, means, scaled, gravity) -> np.ndarray:
+    return np.linalg.norm(_corrected(base, coefficients, means, scaled)[0], axis=1) - gravity
+
+
+def _fit(positions, scaled, degree, start, use):
+    """Base model, coefficients (degree, 6), scaled covariance, residuals, excess and white χ²/dof."""
+    means, covariances, t = positions.means[use], positions.covariances[use], scaled[use]
+    free = FREE[9]
+    rows, columns = np.nonzero(free)
+    count = 9 + 6 * degree
+    dof = max(len(means) - count, 1)
+    state = {}
+
+    def solve(excess: float) -> float:
+        base, coefficients = start.model, np.zeros((degree, 6))
+        for _ in range(ITERATIONS):
+            true, inverse = _corrected(base, coefficients, means, t)
+            length = np.linalg.norm(true, axis=1)
+            b = np.einsum("pi,pij->pj", true / length[:, None], inverse)
+            variance = np.einsum("pi,pij,pj->p", b, covariances, b) + excess**2
+            design = [-b[:, rows] * true[:, columns], -b]
+            for k in range(1, degree + 1):
+                design += [-b * true * t[:, None] ** k, -b * t[:, None] ** k]
+            design = np.hstack(design) / np.sqrt(variance)[:, None]
+            left = (length - start.gravity) / np.sqrt(variance)
+            step = np.linalg.lstsq(design, -left, rcond=None)[0]
+            matrix = np.array(base.matrix)
+            matrix[free] += step[:6]
+            base = ErrorModel(matrix, base.bias + step[6:9])
+            coefficients = coefficients + step[9:].reshape(degree, 6)
+            if np.abs(step).max() < 1e-10:
+                break
+        left = left + design @ step
+        state.update(base=base, coefficients=coefficients, normal=design.T @ design)
+        state["squares"] = float(left @ left)
+        state["residual"] = left * np.sqrt(variance)
+        return state["squares"]
+
+    white = solve(0.0) / dof
+    rms = float(np.sqrt(np.mean(state["residual"] ** 2)))
+    excess = paule_mandel(solve, dof, rms)
+    solve(excess)
+    covariance = np.linalg.pinv(state["normal"]) * state["squares"] / dof
+    return state["base"], state["coefficients"], covariance, state["residual"], excess, white
