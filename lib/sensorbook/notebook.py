@@ -8,6 +8,7 @@ outputs as `application/vnd.sensorbook+json`, and nothing is written to disk.
 from __future__ import annotations
 
 import base64
+import dataclasses
 import html
 import io
 import json
@@ -163,6 +164,20 @@ def load_positions(
             "Take check = true out of one of them.",
         )
     return source, kept, tuple(r for r in ready if r.declaration.get("check"))
+
+
+def at_reference(calibration: Any, thermal_record: str, temperature: Any) -> Any:
+    """The calibration with the temperature that its bias holds at.
+
+    That of the thermal model whose change was taken out of the recordings, else the mean of the rests'
+    own (P,) `temperature`; None where neither is known.
+    """
+    if calibration.temperature or temperature is None:
+        return calibration
+    thermal = _thermal(thermal_record) or {}
+    own = round(float(np.mean(temperature)), 1)
+    reference = thermal.get("x", {}).get("reference_temperature", own)
+    return dataclasses.replace(calibration, reference_temperature=reference)
 
 
 def say(template: str, **values: Any) -> None:

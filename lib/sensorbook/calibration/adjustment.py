@@ -58,3 +58,9 @@ def outlier(residuals: np.ndarray, design: np.ndarray) -> int | None:
     t = np.abs(studentised(residuals, design))
     worst = int(np.argmax(t))
     return worst if 2 * p * stats.t.sf(t[worst], p - k - 1) < SIGNIFICANCE else None
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square of the finite values; NaN where there is none."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")

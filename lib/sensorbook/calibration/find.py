@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sensorbook.calibration.coverage import distinct
+from sensorbook.calibration.known_directions import face
 from sensorbook.calibration.model import FREE
 from sensorbook.calibration.multi_position import multi_position, require_coverage
-from sensorbook.calibration.positions import Positions, cut
+from sensorbook.calibration.positions import FACES, Positions, cut
 from sensorbook.calibration.rests import (
     SHORTEST,
     STILL,
@@ -24,6 +25,7 @@ from sensorbook.recordings.clock import advancing
 from sensorbook.recordings.recording import Recording
 
 IN_MOTION = 5.0  # times the scatter of the quietest rests: a labelled rest that was none
+TILTED = 20.0  # degrees: farther from a face, and a rest is none of the six
 SATURATED = 0.2  # share of a rest's samples at the recording's very extreme
 ALIKE = 1.1  # times the smallest residual is as good as that
 KEPT = 0.8  # of the most rests that any threshold finds: fewer, and a small residual is no merit
@@ -135,6 +137,77 @@ def find_positions(
     else:
         best = max((made for made, _ in tried), key=_variety)
     return replace(best, sweep=sweep)
+
+
+def find_faces(recordings: Sequence[Recording], gravity: float) -> tuple[Found, np.ndarray]:
+    """Rests of six-position recordings, named by the axis that is up, and their (P, 3) directions.
+
+    Labelled rests keep their labels where these name a face; all others are named by what they read.
+    The strictest threshold that finds all six faces is taken.
+
+    Raises
+    ------
+    InputError : the unit is wrong, or a label contradicts the reading
+    Refusal : no rest
+    """
+    runs = [_prepare(a, None) for a in recordings]
+    scatters = tuple(_scatters(run) for run in runs)
+    tried = []
+    if all(a.segments for a in recordings):
+        spans = [[(s.start, s.end) for s in a.segments] for a in recordings]
+        labels = [[s.label for s in a.segments] for a in recordings]
+        tried.append((None, _cut(runs, spans, labels)[0]))
+    for threshold in THRESHOLDS if not tried else ():
+        spans = [quiet_spans(s, threshold) for s in scatters]
+        if any(spans):
+            tried.append((threshold, _cut(runs, spans, None)[0]))
+    if not tried:
+        raise Refusal(
+            f"No rest of at least {SHORTEST:g} s was found in {', '.join(a.file for a in recordings)}.",
+            "Lay the device on each of its six faces for at least 2 s.",
+        )
+    best = None
+    for threshold, positions in tried:
+        _require_unit(positions, runs, gravity)
+        motion = _in_motion(positions) if threshold is None else {}
+        found = _without_bad(runs, positions, None, motion, scatters, threshold, ())
+        named = _named(found, recordings[0].file)
+        if best is None or len(set(map(tuple, named[1]))) > len(set(map(tuple, best[1]))):
+            best = named
+    return best
+
+
+def _named(found: Found, file: str) -> tuple[Found, np.ndarray]:
+    """The rests near a face, labelled by it; the others set aside."""
+    names, keep, aside = [], [], list(found.aside)
+    for label, mean in zip(found.positions.labels, found.positions.means, strict=True):
+        up = mean / np.linalg.norm(mean)
+        name = max(FACES, key=lambda n: up @ np.array(FACES[n]))
+        angle = float(np.degrees(np.arccos(np.clip(up @ np.array(FACES[name]), -1, 1))))
+        try:
+            told = face(label)
+        except KeyError:
+            told = name
+        if told != name:
+            raise InputError(
+                Problem(
+                    file,
+                    f"rest {label}",
+                    f"is labelled {told!r}, but by its readings ({', '.join(f'{v:.2f}' for v in mean)} "
+                    f"m/s²) it is {name!r}",
+                    "mend the label, or the columns' order and signs",
+                )
+            )
+        if angle > TILTED:
+            aside.append((label, f"no axis is up or down: {name} is {angle:.0f}° away"))
+        keep.append(angle <= TILTED)
+        names.append(f"{name} {label[label.index('(') :]}" if "(" in label else name)
+    rows = np.array(keep, dtype=bool)
+    kept = found.positions[rows]
+    labels = tuple(n for n, k in zip(names, keep, strict=True) if k)
+    kept = replace(kept, labels=labels)
+    directions = np.array([FACES[face(label)] for label in labels], dtype=float).reshape(-1, 3)
+    return replace(found, positions=kept, aside=tuple(aside)), directions
 
 
 def require_gyroscope(found: Found) -> Positions:

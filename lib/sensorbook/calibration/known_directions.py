@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import stats
 
-from sensorbook.calibration.adjustment import paule_mandel
+from sensorbook.calibration.adjustment import paule_mandel, rms
 from sensorbook.calibration.model import FREE, ErrorModel
 from sensorbook.calibration.multi_position import folds, norm_errors
 from sensorbook.calibration.positions import FACES, Positions
@@ -80,15 +80,6 @@ def turned_in_housing(positions: Positions, directions: np.ndarray, gravity: flo
     return float(stats.f.sf((nine - twelve) / 3 / (twelve / dof), 3, dof))
 
 
-def directions_of(labels) -> np.ndarray:
-    """(P, 3) unit directions of labels that begin with a face, such as "z up (3.2–9.9 s)".
-
-    `x_p`, `x_a` and `+x`, `-x` are understood, too (parallel and antiparallel to up). Raises
-    `KeyError` with a label that names no face.
-    """
-    return np.array([FACES[face(label)] for label in labels], dtype=float)
-
-
 def face(label: str) -> str:
     """The key of `FACES` that a label names; raises `KeyError` where it names none."""
     text = label.split("(")[0].strip().lower().replace("_", " ").replace("-up", " up")
@@ -134,7 +125,6 @@ def _calibrate(method, solve, positions, directions, gravity, parameters, data) 
         if np.linalg.cond(np.c_[directions[~out], np.ones((~out).sum())]) < 1e3:
             partial = _fit(solve, positions[~out], directions[~out], gravity, free, data)[0]
             errors[out] = norm_errors(partial, positions[out], gravity)
-    known = errors[np.isfinite(errors)]
     before = np.linalg.norm(positions.means, axis=1) - gravity
     after = norm_errors(model, positions, gravity)
     return Calibration(
@@ -151,9 +141,9 @@ def _calibrate(method, solve, positions, directions, gravity, parameters, data) 
         kept=np.ones(len(positions), dtype=bool),
         rejected=(),
         gravity=gravity,
-        rms_before=float(np.sqrt(np.mean(before**2))),
-        rms_after=float(np.sqrt(np.mean(after**2))),
-        rms_check=float(np.sqrt(np.mean(known**2))) if len(known) else np.nan,
+        rms_before=rms(before),
+        rms_after=rms(after),
+        rms_check=rms(errors),
     )
 
 
@@ -193,8 +183,7 @@ def _fit(solve: Callable, positions, directions, gravity, free, data):
     model, covariance, white = attempt(0.0)
     chi, excess = white, 0.0
     if data == "means":
-        rms = float(np.sqrt(np.mean((observed - model.distort(true)) ** 2)))
-        excess = paule_mandel(lambda s: attempt(s)[2], dof, rms)
+        excess = paule_mandel(lambda s: attempt(s)[2], dof, rms(observed - model.distort(true)))
         model, covariance, chi = attempt(excess)
     return model, covariance * chi / max(dof, 1), excess, dof, white
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensorbook.calibration.adjustment import outlier, paule_mandel
+from sensorbook.calibration.adjustment import outlier, paule_mandel, rms
 from sensorbook.calibration.coverage import Coverage, coverage, positions_to_add
-from sensorbook.calibration.model import FREE, ErrorModel
+from sensorbook.calibration.model import FREE, ErrorModel, parameter_names
 from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.result import Calibration
 from sensorbook.errors import Refusal
@@ -65,7 +65,7 @@ def multi_position(
             break
         trial = keep.copy()
         trial[np.flatnonzero(keep)[bad]] = False
-        if not enough(parameters)(coverage(_directions(positions[trial], gravity, free), free)):
+        if not enough(parameters)(coverage(directions_of_rests(positions[trial], gravity), free)):
             break
         keep = trial
     used = positions[keep]
@@ -83,9 +83,9 @@ def multi_position(
         kept=keep,
         rejected=tuple(name for name, k in zip(positions.labels, keep, strict=True) if not k),
         gravity=gravity,
-        rms_before=_rms(np.linalg.norm(used.means, axis=1) - gravity),
-        rms_after=_rms(norm_errors(fit.model, used, gravity)),
-        rms_check=_rms(held_out(used, gravity, free, data)) if check else np.nan,
+        rms_before=rms(np.linalg.norm(used.means, axis=1) - gravity),
+        rms_after=rms(norm_errors(fit.model, used, gravity)),
+        rms_check=rms(held_out(used, gravity, free, data)) if check else np.nan,
     )
 
 
@@ -107,7 +107,7 @@ def held_out(positions: Positions, gravity: float, free: np.ndarray, data: str) 
     fold = folds(positions)
     for k in np.unique(fold):
         out = fold == k
-        found = coverage(_directions(positions[~out], gravity, free), free)
+        found = coverage(directions_of_rests(positions[~out], gravity), free)
         if found.condition <= 2 * MAX_CONDITION:
             model = _Fit(positions[~out], gravity, free, data).model
             errors[out] = norm_errors(model, positions[out], gravity)
@@ -117,7 +117,7 @@ def held_out(positions: Positions, gravity: float, free: np.ndarray, data: str) 
 def require_coverage(positions: Positions, gravity: float, free: np.ndarray) -> Coverage:
     """The coverage; raises `Refusal` where the directions do not determine the parameters."""
     count = int(free.sum()) + 3
-    directions = _directions(positions, gravity, free)
+    directions = directions_of_rests(positions, gravity)
     if len(positions):
         found = coverage(directions, free)
         if enough(count)(found):
@@ -151,8 +151,6 @@ def twelve_parameter_correlation(
     ``‖a‖`` does not change when the sensor's frame turns, so that three directions of the twelve are
     not observed at all; a prior of `WEAK_PRIOR` on each entry makes their variance finite.
     """
-    from sensorbook.calibration.model import parameter_names
-
     used = positions[calibration.kept]
     true = calibration.model.correct(used.means)
     a, _ = _derivatives(calibration.model, true, FREE[12])
@@ -244,7 +242,7 @@ class _Fit:
 
     def _excess(self) -> float:
         residuals = np.linalg.norm(self.model.correct(self.l), axis=1) - self.gravity
-        found = paule_mandel(self._solve, self.dof, _rms(residuals))
+        found = paule_mandel(self._solve, self.dof, rms(residuals))
         self._solve(found)
         return found
 
@@ -271,23 +269,17 @@ def _variances(model: ErrorModel, true: np.ndarray, covariances: np.ndarray) -> 
     return np.einsum("pi,pij,pj->p", b, covariances, b)
 
 
-def _directions(positions: Positions, gravity: float, free: np.ndarray) -> np.ndarray:
-    """(P, 3) directions of the specific force, as well as they can be told.
+def directions_of_rests(positions: Positions, gravity: float) -> np.ndarray:
+    """(P, 3) unit directions of the specific force, as well as they can be told before any fit.
 
-    The readings themselves where a first fit cannot be made: their bias and scale turn directions by
-    a few degrees at most in anything that calls itself an accelerometer.
+    The readings' own, each axis that was held up and down less its bias and in its own scale: what
+    is left turns directions by a degree or two in anything that calls itself an accelerometer.
     """
     means = positions.means
     if len(means) > 3:
         centre = (means.max(axis=0) + means.min(axis=0)) / 2
         half = (means.max(axis=0) - means.min(axis=0)) / 2
-        # Axes that were turned both ways show their own bias and scale.
         seen = half > 0.8 * gravity
         means = np.where(seen, (means - centre) / np.where(seen, half, 1) * gravity, means)
     length = np.linalg.norm(means, axis=1)
     return means / np.where(length, length, 1)[:, None]
-
-
-def _rms(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan

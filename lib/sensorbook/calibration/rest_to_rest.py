@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from sensorbook.calibration.adjustment import outlier, paule_mandel
+from sensorbook.calibration.adjustment import outlier, paule_mandel, rms
 from sensorbook.calibration.model import FREE, ErrorModel
 from sensorbook.calibration.multi_position import FOLDS
 from sensorbook.calibration.positions import Positions
@@ -296,9 +296,9 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
         kept=keep,
         rejected=tuple(n for n, k in zip(motions.labels, keep, strict=True) if not k),
         gravity=gravity,
-        rms_before=_rms(direction_errors(used, np.eye(3))),
-        rms_after=_rms(errors),
-        rms_check=_rms(held) if check else np.nan,
+        rms_before=rms(direction_errors(used, np.eye(3))),
+        rms_after=rms(errors),
+        rms_check=rms(held) if check else np.nan,
     )
 
 
@@ -343,7 +343,7 @@ def _solve(motions: Motions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _outlier(rows: np.ndarray, left: np.ndarray) -> int | None:
     """Index of the motion that does not belong, by the worse of its two angles."""
-    found = outlier(left / max(_rms(left), 1e-300), rows)
+    found = outlier(left / max(rms(left), 1e-300), rows)
     return None if found is None else found // 2
 
 
@@ -370,8 +370,3 @@ def _require_turns(motions: Motions) -> None:
             f"scale factors and misalignments is {condition:.3g} (at most {MAX_CONDITION:g}).",
             f"Add motions of 90° and more about {weak}, held level, so that gravity is turned along.",
         )
-
-
-def _rms(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan

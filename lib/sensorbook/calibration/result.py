@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from sensorbook import units
 from sensorbook.calibration.model import ErrorModel, parameter_names
+from sensorbook.earth import STANDARD_GRAVITY
 
 RMS_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad"}
 
@@ -103,8 +105,59 @@ class Calibration:
             index=pd.Index(self.parameters, name="parameter"),
         )
 
+    def table(self) -> pd.DataFrame:
+        """The parameters in field units with 95 % intervals, as text."""
+        return pd.DataFrame(
+            [
+                {
+                    "parameter": name,
+                    "value": f"{v:.5g}",
+                    "95 % interval": f"± {h:.2g}",
+                    "unit": unit,
+                }
+                for name, v, h, unit in self._shown(self.values)
+            ]
+        ).set_index("parameter")
+
+    def against(self, truth: dict) -> pd.DataFrame:
+        """Estimate beside the truth of a simulated device: its matrix, bias and g_sensitivity, SI."""
+        matrix = np.array(truth["matrix"])[self.free]
+        sensitivity = np.array(truth.get("g_sensitivity") or np.zeros(3))
+        true = np.r_[matrix, truth["bias"], sensitivity][: len(self.covariance)]
+        rows = []
+        for (name, v, h, unit), (_, t, _, _) in zip(
+            self._shown(self.values), self._shown(true), strict=True
+        ):
+            rows.append(
+                {
+                    "parameter": name,
+                    "truth": f"{t:.5g}",
+                    "estimate": f"{v:.5g}",
+                    "95 % interval": f"± {h:.2g}",
+                    "unit": unit,
+                    "holds the truth": "yes" if abs(v - t) <= h else "no",
+                }
+            )
+        return pd.DataFrame(rows).set_index("parameter")
+
+    def _shown(self, values: np.ndarray):
+        """(name, value, half width, unit) of each parameter in field units."""
+        label, si = units.field_unit(self.sensor, "signal")
+        half = self.interval_factor * self.std
+        for name, value, h in zip(self.parameters, values, half, strict=True):
+            part, axis = name.split(".")
+            if part == "bias":
+                yield f"bias {axis}", value / si, h / si, label
+            elif part == "g_sensitivity":
+                factor = STANDARD_GRAVITY / si
+                yield f"g-sensitivity {axis}", value * factor, h * factor, f"{label}/g"
+            elif axis[0] == axis[1]:
+                yield f"scale factor error {axis[0]}", 1e6 * (value - 1), 1e6 * h, "ppm"
+            else:
+                yield f"misalignment {axis}", 1e3 * value, 1e3 * h, "mrad"
+
     def _repr_html_(self) -> str:
-        return self.to_frame().to_html(float_format="{:.6g}".format, border=0)
+        return self.table().to_html(border=0)
 
     def to_results(self) -> dict:
         """As results.json states a calibration."""

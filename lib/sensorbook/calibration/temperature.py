@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensorbook.calibration.adjustment import paule_mandel
+from sensorbook.calibration.adjustment import paule_mandel, rms
 from sensorbook.calibration.model import FREE, ErrorModel
+from sensorbook.calibration.multi_position import multi_position
 from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.result import Calibration
+from sensorbook.errors import Refusal
 
 DEGREES = (0, 1, 2, 3)
 SMALLEST_SPAN = 5.0  # °C; less hardly moves anything
@@ -25,15 +27,18 @@ class TemperatureFit:
     ----------
     calibration : at the reference temperature, its `temperature` filled where `degree` > 0
     degree : chosen by leaving out whole recordings
-    errors : by degree, rms of ``‖a‖ − g`` of recordings left out, m/s²; None where it cannot be told
+    errors : by degree, rms of ``‖a‖ − g`` of recordings left out, m/s²
+    by_run : (temperature, three scale factor errors and three biases) of each recording by itself,
+        where it can be calibrated alone
     changes : (6,) change of three scale factors and three biases across the range, and its standard
         errors; zero for degree 0
     """
 
     calibration: Calibration
     degree: int
-    errors: dict[int, float | None]
+    errors: dict[int, float]
     range: tuple[float, float]
+    by_run: tuple[tuple[float, np.ndarray], ...]
     changes: np.ndarray
     changes_std: np.ndarray
 
@@ -57,10 +62,11 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
     calibration : of the same positions without temperature, the start
     positions : with temperatures, at several of them (`several_temperatures`)
 
-    The degree is the simplest whose error on whole recordings left out is within one standard error
+    No position is set aside: what does not fit one temperature may fit another. The degree is the
+    simplest whose error on whole recordings left out is within one standard error
     of the best. A recording left out counts where the others cover its temperature.
     """
-    used = positions[calibration.kept]
+    used = positions
     low, high = float(used.temperature.min()), float(used.temperature.max())
     reference = round(float(used.temperature.mean()), 1)
     half = max(high - reference, reference - low)
@@ -93,7 +99,10 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
             "matrix_coefficients": [np.diag(c[:3]) for c in per_degree],
             "bias_coefficients": [c[3:] for c in per_degree],
         }
-    rms = {d: None if e is None else float(np.sqrt(e.mean())) for d, e in errors.items()}
+    held = {d: float(np.sqrt(e.mean())) for d, e in errors.items()}
+    alone = _by_run(used, calibration.gravity)
+    if not degree:
+        return TemperatureFit(calibration, 0, held, (low, high), alone, changes, spread)
     done = replace(
         calibration,
         model=model,
@@ -102,12 +111,26 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
         chi_square=chi,
         excess=excess,
         residuals=residual,
-        rms_after=float(np.sqrt(np.mean(residual**2))),
-        rms_check=rms.get(degree) or calibration.rms_check,
+        rms_after=rms(residual),
+        rms_check=held[degree],
+        kept=np.ones(len(used), dtype=bool),
+        rejected=(),
         reference_temperature=reference,
         temperature=entry,
     )
-    return TemperatureFit(done, degree, rms, (low, high), changes, spread)
+    return TemperatureFit(done, degree, held, (low, high), alone, changes, spread)
+
+
+def _by_run(positions: Positions, gravity: float) -> tuple[tuple[float, np.ndarray], ...]:
+    found = []
+    for r in np.unique(positions.runs):
+        own = positions[positions.runs == r]
+        try:
+            model = multi_position(own, gravity, check=False).model
+        except Refusal:
+            continue
+        found.append((float(own.temperature.mean()), np.r_[model.scale_factor_errors, model.bias]))
+    return tuple(found)
 
 
 def _left_out(positions, scaled, degree, start) -> np.ndarray | None:
@@ -196,8 +219,7 @@ def _fit(positions, scaled, degree, start, use):
         return state["squares"]
 
     white = solve(0.0) / dof
-    rms = float(np.sqrt(np.mean(state["residual"] ** 2)))
-    excess = paule_mandel(solve, dof, rms)
+    excess = paule_mandel(solve, dof, rms(state["residual"]))
     solve(excess)
     covariance = np.linalg.pinv(state["normal"]) * state["squares"] / dof
     return state["base"], state["coefficients"], covariance, state["residual"], excess, white
