@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from sensorbook.calibration.find import find_faces, find_positions
+import numpy as np
+
+from sensorbook.calibration.find import find_faces, find_positions, require_gyroscope
 from sensorbook.calibration.known_directions import recursive, six_position
 from sensorbook.calibration.model import ErrorModel
 from sensorbook.calibration.multi_position import multi_position
+from sensorbook.calibration.rest_to_rest import all_motions, fit_rests, rest_to_rest
 from sensorbook.calibration.result import Calibration
 from sensorbook.earth import STANDARD_GRAVITY
 
 __all__ = [
     "Calibration",
     "ErrorModel",
+    "calibrate_gyroscope",
     "calibrate_positions",
     "find_faces",
     "find_positions",
@@ -19,6 +23,18 @@ __all__ = [
     "recursive",
     "six_position",
 ]
+
+
+def calibrate_gyroscope(gyroscope, accelerometer, gravity: float = STANDARD_GRAVITY) -> Calibration:
+    """A gyroscope's calibration from one recording of kind "positions" and the accelerometer's beside it."""
+    found = find_positions([accelerometer], [gyroscope], gravity)
+    rests = require_gyroscope(found)
+    level = multi_position(found.positions, gravity).model
+    acceleration = level.correct(found.positions.means)
+    directions = acceleration / np.linalg.norm(acceleration, axis=1)[:, None]
+    fit = fit_rests(rests, acceleration)
+    motions = all_motions([gyroscope], [accelerometer], found, directions, level, fit)
+    return rest_to_rest(motions, fit, gravity)
 
 
 def calibrate_positions(recording, gravity: float = STANDARD_GRAVITY) -> Calibration:

@@ -11,7 +11,7 @@ from sensorbook.calibration.adjustment import rms
 from sensorbook.calibration.model import IDEAL, ErrorModel
 from sensorbook.calibration.multi_position import norm_errors
 from sensorbook.calibration.positions import Positions
-from sensorbook.calibration.result import Calibration
+from sensorbook.calibration.result import Calibration, rounded
 from sensorbook.calibration.wavelet import denoised
 
 INPUTS = ("raw", "denoised", "means")  # B's RD, DD and MD
@@ -55,7 +55,7 @@ def table(
     for c in calibrations:
         half = c.interval_factor * c.std
         rows = {
-            name: f"{value:.5f} ± {h:.5f}"
+            name: f"{rounded(value, h)} ± {rounded(h, h)}"
             for name, value, h in zip(c.parameters, c.values, half, strict=True)
         }
         own = c.method == ownfit

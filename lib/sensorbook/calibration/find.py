@@ -210,14 +210,34 @@ def _named(found: Found, file: str) -> tuple[Found, np.ndarray]:
     return replace(found, positions=kept, aside=tuple(aside)), directions
 
 
+def accelerometers_of(device, gyroscopes: Sequence[Recording]) -> tuple[Recording, ...]:
+    """The accelerometer's recordings of positions in the same time base as the gyroscope's.
+
+    Raises `Refusal` where there is none.
+    """
+    runs = (
+        device.runs("accelerometer", "positions")
+        if "positions" in device.kinds("accelerometer")
+        else ()
+    )
+    found = tuple(a for a in runs if not a.declaration.get("check") and beside(a, gyroscopes))
+    if not found:
+        raise _no_accelerometer()
+    return found
+
+
+def _no_accelerometer() -> Refusal:
+    return Refusal(
+        "The gyroscope's recording has no accelerometer in the same time base, so that nothing says how "
+        "far it was turned.",
+        "Record both sensors in one file while the device is moved from rest to rest.",
+    )
+
+
 def require_gyroscope(found: Found) -> Positions:
     """The gyroscope's rests; raises `Refusal` where it was not recorded beside the accelerometer."""
     if found.gyroscope is None:
-        raise Refusal(
-            "The gyroscope's recording has no accelerometer in the same time base, so that nothing "
-            "says how far it was turned.",
-            "Record both sensors in one file while the device is moved from rest to rest.",
-        )
+        raise _no_accelerometer()
     return found.gyroscope
 
 

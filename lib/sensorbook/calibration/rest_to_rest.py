@@ -8,18 +8,22 @@ from the rests themselves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
 from sensorbook.calibration.adjustment import outlier, paule_mandel, rms
+from sensorbook.calibration.find import Found, beside
 from sensorbook.calibration.model import FREE, ErrorModel
 from sensorbook.calibration.multi_position import FOLDS
 from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.result import Calibration
 from sensorbook.earth import EARTH_RATE
 from sensorbook.errors import Refusal
+from sensorbook.recordings.clock import advancing
+from sensorbook.recordings.recording import Recording
 
 ITERATIONS = 30
 LONGEST = 60.0  # s of motion; longer, and the integral tells of noise and drift alone
@@ -200,7 +204,7 @@ def motions_between(
     )
 
 
-def join(parts) -> Motions:
+def _joined(parts: Sequence[Motions]) -> Motions:
     """The motions of several recordings as one."""
     length = max(p.turns.shape[1] for p in parts)
     padded = [np.pad(p.turns, ((0, 0), (0, length - p.turns.shape[1]), (0, 0))) for p in parts]
@@ -211,6 +215,38 @@ def join(parts) -> Motions:
         np.vstack([p.after for p in parts]),
         tuple(label for p in parts for label in p.labels),
     )
+
+
+def all_motions(
+    gyroscopes: Sequence[Recording],
+    accelerometers: Sequence[Recording],
+    found: Found,
+    directions: np.ndarray,
+    model: ErrorModel,
+    fit: RestFit,
+) -> Motions:
+    """The motions of all recordings; what acceleration adds to the gyroscope is taken out sample by
+    sample, where it shows.
+
+    Parameters
+    ----------
+    gyroscopes, accelerometers : the recordings; those of the accelerometer in the order of `found`
+    directions : (P, 3) of the specific force in each rest
+    model : of the accelerometer
+    """
+    parts = []
+    for run, a in enumerate(accelerometers):
+        g = beside(a, gyroscopes)
+        good = advancing(g.time) & np.isfinite(g.values).all(axis=1)
+        time, values = g.time[good] + g.start - a.start, g.values[good]
+        offset = None
+        if fit.visible:
+            known = advancing(a.time) & np.isfinite(a.values).all(axis=1)
+            true = model.correct(a.values[known])
+            felt = np.array([np.interp(time, a.time[known], column) for column in true.T]).T
+            offset = felt * fit.g_sensitivity
+        parts.append(motions_between(time, values, found.gyroscope, directions, run, offset))
+    return _joined(parts)
 
 
 def predicted(motions: Motions, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -276,12 +312,6 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
     covariance[:9, :9] = jacobian @ np.linalg.inv(rows.T @ rows) @ jacobian.T * scale
     covariance[9:, 9:] = fit.covariance
     errors = direction_errors(used, inverse)
-    held = np.full(len(used), np.nan)
-    if check:
-        fold = np.arange(len(used)) % FOLDS
-        for k in range(FOLDS):
-            out = fold == k
-            held[out] = direction_errors(used[out], _solve(used[~out])[0])
     return Calibration(
         method="rest_to_rest",
         sensor="gyroscope",
@@ -298,8 +328,18 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
         gravity=gravity,
         rms_before=rms(direction_errors(used, np.eye(3))),
         rms_after=rms(errors),
-        rms_check=rms(held) if check else np.nan,
+        rms_check=rms(held_out_turns(used)) if check else np.nan,
     )
+
+
+def held_out_turns(motions: Motions) -> np.ndarray:
+    """(R,) direction error of each motion by a fit without its fold, one in five, rad."""
+    held = np.full(len(motions), np.nan)
+    fold = np.arange(len(motions)) % FOLDS
+    for k in range(FOLDS):
+        out = fold == k
+        held[out] = direction_errors(motions[out], _solve(motions[~out])[0])
+    return held
 
 
 def direction_errors(motions: Motions, inverse: np.ndarray) -> np.ndarray:

@@ -107,38 +107,29 @@ class Calibration:
 
     def table(self) -> pd.DataFrame:
         """The parameters in field units with 95 % intervals, as text."""
-        return pd.DataFrame(
-            [
-                {
-                    "parameter": name,
-                    "value": f"{v:.5g}",
-                    "95 % interval": f"± {h:.2g}",
-                    "unit": unit,
-                }
-                for name, v, h, unit in self._shown(self.values)
-            ]
-        ).set_index("parameter")
+        rows = {
+            name: {"value": rounded(v, h), "95 % interval": f"± {rounded(h, h)}", "unit": unit}
+            for name, v, h, unit in self._shown(self.values)
+        }
+        return pd.DataFrame(rows).T
 
     def against(self, truth: dict) -> pd.DataFrame:
         """Estimate beside the truth of a simulated device: its matrix, bias and g_sensitivity, SI."""
         matrix = np.array(truth["matrix"])[self.free]
         sensitivity = np.array(truth.get("g_sensitivity") or np.zeros(3))
         true = np.r_[matrix, truth["bias"], sensitivity][: len(self.covariance)]
-        rows = []
+        rows = {}
         for (name, v, h, unit), (_, t, _, _) in zip(
             self._shown(self.values), self._shown(true), strict=True
         ):
-            rows.append(
-                {
-                    "parameter": name,
-                    "truth": f"{t:.5g}",
-                    "estimate": f"{v:.5g}",
-                    "95 % interval": f"± {h:.2g}",
-                    "unit": unit,
-                    "holds the truth": "yes" if abs(v - t) <= h else "no",
-                }
-            )
-        return pd.DataFrame(rows).set_index("parameter")
+            rows[name] = {
+                "truth": rounded(t, h),
+                "estimate": rounded(v, h),
+                "95 % interval": f"± {rounded(h, h)}",
+                "unit": unit,
+                "holds the truth": "yes" if abs(v - t) <= h else "no",
+            }
+        return pd.DataFrame(rows).T
 
     def _shown(self, values: np.ndarray):
         """(name, value, half width, unit) of each parameter in field units."""
@@ -178,7 +169,7 @@ class Calibration:
             "parameters": list(self.parameters),
             "covariance": self.covariance,
             "degrees_of_freedom": self.dof,
-            "chi_square": self.chi_square,
+            "chi_square": None if np.isnan(self.chi_square) else self.chi_square,
             "rms_before": self.rms_before,
             "rms_after": self.rms_after,
             "rms_check": None if np.isnan(self.rms_check) else self.rms_check,
@@ -191,3 +182,11 @@ class Calibration:
             "temperature_unit": "degC",
             "temperature": self.temperature,
         }
+
+
+def rounded(value: float, uncertainty: float) -> str:
+    """The value with as many digits as two of its uncertainty have."""
+    if not 0 < uncertainty < np.inf:
+        return f"{value:.5g}"
+    digits = max(0, 1 - int(np.floor(np.log10(uncertainty))))
+    return f"{value:.{digits}f}" if digits < 12 else f"{value:.5g}"

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from sensorbook import units
 from sensorbook.calibration.coverage import COVERED, STANDARD
 from sensorbook.calibration.find import Found
+from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.rest_to_rest import RestFit
 from sensorbook.calibration.result import Calibration
 from sensorbook.calibration.temperature import TemperatureFit
@@ -295,18 +296,46 @@ def plot_temperature_model(
 
 
 def plot_recursion(history: np.ndarray, names: Sequence[str], axes: Sequence[Axes] | None = None):
-    """The recursive solution after each position, as differences from its last, bias and scale."""
+    """The recursive solution after each position; what is absurd, as nothing is known, is left out."""
     axes = new_row(2, width=8.6, height=2.9, sharey=False) if axes is None else axes
     number = np.arange(1, len(history) + 1)
     for axis in "xyz":
-        bias = history[:, list(names).index(f"bias.{axis}")]
-        scale = history[:, list(names).index(f"matrix.{axis}{axis}")]
+        bias = np.array(history[:, list(names).index(f"bias.{axis}")])
+        scale = np.array(history[:, list(names).index(f"matrix.{axis}{axis}")])
+        # Before both signs of an axis were seen its numbers are anything: they would set the scale.
+        bias[np.abs(bias - bias[-1]) > 1.0] = np.nan
+        scale[np.abs(scale - scale[-1]) > 0.1] = np.nan
         axes[0].plot(number, 1000 * bias, "o-", color=COLOURS[axis], label=axis, ms=4)
         axes[1].plot(number, 100 * (scale - 1), "o-", color=COLOURS[axis], label=axis, ms=4)
     axes[0].set_ylabel("bias [mm/s²]")
     axes[1].set_ylabel("scale factor error [%]")
     for a in axes:
         a.set_xlabel("positions taken in")
+        a.legend(title="axis", fontsize=8)
+        grid(a)
+    return axes
+
+
+def plot_levelling(
+    faces: Positions, directions: np.ndarray, fit: Calibration, axes: Sequence[Axes] | None = None
+) -> Sequence[Axes]:
+    """Residual of each position across gravity and along it, m/s², by a fit with known directions."""
+    axes = new_row(2, width=8.6, height=3.2, sharey=False) if axes is None else axes
+    left = fit.model.correct(faces.means) - fit.gravity * directions
+    along = (left * directions).sum(axis=1)
+    across = left - along[:, None] * directions
+    number = np.arange(len(faces))
+    for i, axis in enumerate("xyz"):
+        idle = np.abs(directions[:, i]) < 0.5
+        axes[0].plot(number[idle], 1000 * across[idle, i], "o", color=COLOURS[axis], label=axis)
+        axes[1].plot(number[~idle], 1000 * along[~idle], "o", color=COLOURS[axis], label=axis)
+    axes[0].set_ylabel("across gravity [mm/s²]")
+    axes[1].set_ylabel("along gravity [mm/s²]")
+    for a in axes:
+        a.axhline(0, color="black", lw=0.6)
+        a.set_xticks(
+            number, [label.split(" (")[0] for label in faces.labels], rotation=45, fontsize=8
+        )
         a.legend(title="axis", fontsize=8)
         grid(a)
     return axes
