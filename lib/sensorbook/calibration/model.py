@@ -22,7 +22,8 @@ class ErrorModel:
     ----------
     matrix : (3, 3) I + S + M: scale factors on the diagonal, misalignments (rad) off it
     bias : (3,) in the sensor's unit
-    g_sensitivity : (3,) diagonal of G, rad/s per m/s²; zero for an accelerometer
+    g_sensitivity : (3, 3) G, rad/s per m/s²; zero for an accelerometer. A has the diagonal alone, which
+        may be given as (3,)
 
     >>> model = ErrorModel([[1.01, 0, 0], [0.002, 0.98, 0], [0, 0.001, 1]], [0.1, -0.2, 0.3])
     >>> true = np.array([[1.0, 2.0, 3.0]])
@@ -32,11 +33,13 @@ class ErrorModel:
 
     matrix: np.ndarray
     bias: np.ndarray
-    g_sensitivity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    g_sensitivity: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self):
-        for name, shape in (("matrix", (3, 3)), ("bias", (3,)), ("g_sensitivity", (3,))):
+        for name, shape in (("matrix", (3, 3)), ("bias", (3,)), ("g_sensitivity", (3, 3))):
             array = np.array(getattr(self, name), dtype=float)
+            if name == "g_sensitivity" and array.shape == (3,):
+                array = np.diag(array)
             if array.shape != shape or not np.isfinite(array).all():
                 raise ValueError(f"{name} is not a finite array of shape {shape}")
             array.flags.writeable = False
@@ -45,7 +48,7 @@ class ErrorModel:
     def distort(self, true: np.ndarray, acceleration: np.ndarray | None = None) -> np.ndarray:
         """(N, 3) what the sensor reads for (N, 3) true values and true accelerations (m/s²)."""
         raw = true @ self.matrix.T + self.bias
-        return raw if acceleration is None else raw + acceleration * self.g_sensitivity
+        return raw if acceleration is None else raw + acceleration @ self.g_sensitivity.T
 
     def correct(self, raw: np.ndarray, acceleration: np.ndarray | None = None) -> np.ndarray:
         """(N, 3) true values for (N, 3) readings; `acceleration` is the calibrated one (m/s²)."""
@@ -72,8 +75,7 @@ class ErrorModel:
 IDEAL = ErrorModel(np.eye(3), np.zeros(3))
 
 
-def parameter_names(free: np.ndarray) -> tuple[str, ...]:
-    """Such as "matrix.yx", in the order of `pack`, then the three biases."""
+def parameter_names(free: np.ndarray, part: str = "matrix") -> tuple[str, ...]:
+    """Such as "matrix.yx" of each free entry, row by row."""
     rows, columns = np.nonzero(free)
-    matrix = (f"matrix.{'xyz'[r]}{'xyz'[c]}" for r, c in zip(rows, columns, strict=True))
-    return (*matrix, *(f"bias.{axis}" for axis in "xyz"))
+    return tuple(f"{part}.{'xyz'[r]}{'xyz'[c]}" for r, c in zip(rows, columns, strict=True))

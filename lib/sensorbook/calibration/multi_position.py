@@ -158,7 +158,7 @@ def twelve_parameter_correlation(
     normal = (a / variance[:, None]).T @ a + np.diag(np.r_[np.full(9, WEAK_PRIOR**-2), np.zeros(3)])
     c = np.linalg.inv(normal)
     s = np.sqrt(np.diag(c))
-    return parameter_names(FREE[12]), c / np.outer(s, s)
+    return (*parameter_names(FREE[12]), "bias.x", "bias.y", "bias.z"), c / np.outer(s, s)
 
 
 class _Fit:

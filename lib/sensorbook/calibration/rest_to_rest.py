@@ -39,24 +39,25 @@ class RestFit:
 
     Attributes
     ----------
-    bias, g_sensitivity : (3,) rad/s, and rad/s per m/s²
-    covariance : (6, 6) of both, scaled by the residuals
-    p_value : that so large sensitivities come by chance (F test of all three)
+    bias, g_sensitivity : (3,) rad/s, and (3, 3) rad/s per m/s²
+    g_free : (3, 3) the diagonal, as A has it, or all of it where the rests ask for it
+    covariance : of the biases and the free sensitivities, scaled by the residuals
+    p_value, p_cross : that so large a diagonal, and so large entries off it, come by chance (F tests)
     excess : (3,) rad/s, standard deviation of a rest's mean beyond its white noise
-    dof : degrees of freedom of each axis
     """
 
     bias: np.ndarray
     g_sensitivity: np.ndarray
+    g_free: np.ndarray
     covariance: np.ndarray
     p_value: float
+    p_cross: float
     excess: np.ndarray
-    dof: int
 
     @property
     def visible(self) -> bool:
         """Whether a sensitivity to acceleration shows."""
-        return self.p_value < VISIBLE
+        return min(self.p_value, self.p_cross) < VISIBLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,10 @@ class Motions:
 def fit_rests(
     positions: Positions, acceleration: np.ndarray, latitude: float | None = None
 ) -> RestFit:
-    """Bias and diagonal sensitivity to acceleration from the gyroscope's rests.
+    """Bias and sensitivity to acceleration from the gyroscope's rests.
+
+    The sensitivity is diagonal, as A has it, unless the six entries off it lower the residuals by more
+    than chance would (F test, 1 %).
 
     Parameters
     ----------
@@ -108,42 +112,78 @@ def fit_rests(
     Refusal : fewer than six rests
     """
     count = len(positions)
-    if count < 6:
+    if count < FEWEST:
         raise Refusal(
-            f"The gyroscope has {count} rests, from which no scatter can be told.",
-            "Record at least nine rests in different attitudes.",
+            f"The gyroscope has {count} rests, too few to tell its bias from what acceleration adds.",
+            f"Record at least {FEWEST} rests in different attitudes.",
         )
-    up = acceleration / np.linalg.norm(acceleration, axis=1)[:, None]
+    length = np.linalg.norm(acceleration, axis=1)
     means = positions.means
     if latitude is not None:
-        means = means - EARTH_RATE * np.sin(np.radians(latitude)) * up
+        vertical = EARTH_RATE * np.sin(np.radians(latitude))
+        means = means - vertical * acceleration / length[:, None]
     noise = np.diagonal(positions.covariances, axis1=1, axis2=2)
-    bias, sensitivity, excess = np.zeros(3), np.zeros(3), np.zeros(3)
-    covariance = np.zeros((6, 6))
-    statistic = 0.0
-    dof = count - 2
-    for j in range(3):
-        design = np.c_[np.ones(count), acceleration[:, j]]
-
-        def solve(e, design=design, j=j):
-            w = 1 / (noise[:, j] + e**2)
-            inverse = np.linalg.inv((design.T * w) @ design)
-            x = inverse @ (design.T * w) @ means[:, j]
-            return x, inverse, float(w @ (means[:, j] - design @ x) ** 2)
-
-        rms = float(np.std(means[:, j]))
-        excess[j] = paule_mandel(lambda e, solve=solve: solve(e)[2], dof, rms)
-        x, inverse, chi = solve(excess[j])
-        inverse *= chi / dof
-        bias[j], sensitivity[j] = x
-        at = [j, 3 + j]
-        covariance[np.ix_(at, at)] = inverse
-        statistic += x[1] ** 2 / inverse[1, 1] / 3
+    diagonal, whole = (
+        [_line(means[:, j], noise[:, j], acceleration[:, a]) for j, a in enumerate(columns)]
+        for columns in (([0], [1], [2]), ([0, 1, 2],) * 3)
+    )
+    # Both with the weights of the larger model, or the excess would hide what it explains.
+    gain = sum(
+        _line(means[:, j], noise[:, j], acceleration[:, [j]], whole[j].excess).squares
+        - whole[j].squares
+        for j in range(3)
+    )
+    dof = 3 * (count - 4)
+    p_cross = float(stats.f.sf(gain / 6 / (sum(w.squares for w in whole) / dof), 6, dof))
+    lines = whole if p_cross < VISIBLE else diagonal
+    g_free = np.ones((3, 3), dtype=bool) if p_cross < VISIBLE else np.eye(3, dtype=bool)
+    bias = np.array([line.x[0] for line in lines])
+    sensitivity = np.zeros((3, 3))
+    sensitivity[g_free] = np.concatenate([line.x[1:] for line in lines])
+    free = np.concatenate([line.x[1:] for line in lines])
+    total = len(free) // 3
+    covariance = np.zeros((3 + len(free), 3 + len(free)))
+    for j, line in enumerate(lines):
+        at = np.r_[j, 3 + total * j + np.arange(total)]
+        covariance[np.ix_(at, at)] = line.covariance
     if latitude is None:
-        # ω_e sin φ along the specific force looks like a sensitivity; uniform over the sphere.
-        covariance[3:, 3:] += np.eye(3) * (EARTH_RATE / np.linalg.norm(acceleration[0])) ** 2 / 3
-        statistic = float(np.sum(sensitivity**2 / np.diag(covariance)[3:]) / 3)
-    return RestFit(bias, sensitivity, covariance, float(stats.f.sf(statistic, 3, dof)), excess, dof)
+        # ω_e sin φ along the specific force looks like a sensitivity of all three axes alike.
+        own = 3 + np.flatnonzero(np.eye(3, dtype=bool)[g_free])
+        covariance[np.ix_(own, own)] += (EARTH_RATE / length.mean()) ** 2 / 3
+    variances = np.array([line.covariance[1, 1] for line in diagonal])
+    if latitude is None:
+        variances = variances + (EARTH_RATE / length.mean()) ** 2 / 3
+    statistic = np.mean([line.x[1] ** 2 for line in diagonal] / variances)
+    p_value = float(stats.f.sf(statistic, 3, 3 * (count - 2)))
+    excess = np.array([line.excess for line in lines])
+    return RestFit(bias, sensitivity, g_free, covariance, p_value, p_cross, excess)
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """A weighted straight line: intercept and slopes, their covariance, the weighted squares left."""
+
+    x: np.ndarray
+    covariance: np.ndarray
+    squares: float
+    excess: float
+
+
+def _line(y, variance, columns, excess: float | None = None) -> _Line:
+    """Fits (P,) readings of known white variance; `excess` by Paule and Mandel where not given."""
+    design = np.c_[np.ones(len(y)), columns]
+    dof = len(y) - design.shape[1]
+
+    def solve(e: float):
+        root = np.sqrt(variance + e**2)
+        a, b = design / root[:, None], y / root
+        x = np.linalg.lstsq(a, b, rcond=None)[0]
+        return x, a, float(np.sum((b - a @ x) ** 2))
+
+    if excess is None:
+        excess = paule_mandel(lambda e: solve(e)[2], dof, float(np.std(y)))
+    x, a, squares = solve(excess)
+    return _Line(x, np.linalg.inv(a.T @ a) * squares / dof, squares, excess)
 
 
 def motions_between(
@@ -244,7 +284,7 @@ def all_motions(
             known = advancing(a.time) & np.isfinite(a.values).all(axis=1)
             true = model.correct(a.values[known])
             felt = np.array([np.interp(time, a.time[known], column) for column in true.T]).T
-            offset = felt * fit.g_sensitivity
+            offset = felt @ fit.g_sensitivity.T
         parts.append(motions_between(time, values, found.gyroscope, directions, run, offset))
     return _joined(parts)
 
@@ -308,7 +348,7 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
     matrix = np.linalg.inv(inverse)
     # M = K⁻¹: dM = −M dK M
     jacobian = -np.kron(matrix, matrix.T)
-    covariance = np.zeros((15, 15))
+    covariance = np.zeros((9 + len(fit.covariance),) * 2)
     covariance[:9, :9] = jacobian @ np.linalg.inv(rows.T @ rows) @ jacobian.T * scale
     covariance[9:, 9:] = fit.covariance
     errors = direction_errors(used, inverse)
@@ -316,8 +356,9 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
         method="rest_to_rest",
         sensor="gyroscope",
         data="means",
-        model=ErrorModel(matrix, fit.bias, fit.g_sensitivity if fit.visible else np.zeros(3)),
+        model=ErrorModel(matrix, fit.bias, fit.g_sensitivity * fit.visible),
         free=FREE[12],
+        g_free=fit.g_free,
         covariance=covariance,
         dof=dof,
         chi_square=np.nan,

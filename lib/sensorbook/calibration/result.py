@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -24,9 +24,8 @@ class Calibration:
     method : "six_position", "recursive", "multi_position" or "rest_to_rest"
     sensor, data : the sensor, and what was fed in: "raw", "denoised" or "means"
     model : the error model found
-    free : (3, 3) which entries of the matrix were free; g-sensitivity is free where `covariance` has
-        three more parameters
-    covariance : (K, K) of the free matrix entries (row by row), biases and g-sensitivities
+    free, g_free : (3, 3) which entries of the matrix and of the g-sensitivity were free
+    covariance : (K, K) of the free matrix entries (row by row), biases and free g-sensitivities
     dof : degrees of freedom of the residuals that scaled the covariance
     chi_square : weighted sum of squared residuals over `dof` before that scaling: 1 where the
         samples' own noise explains them
@@ -52,21 +51,21 @@ class Calibration:
     rms_before: float = np.nan
     rms_after: float = np.nan
     rms_check: float = np.nan
+    g_free: np.ndarray = field(default_factory=lambda: np.zeros((3, 3), dtype=bool))
     reference_temperature: float | None = None
     temperature: dict | None = None
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names in the order of `covariance`."""
-        names = parameter_names(self.free)
-        more = len(self.covariance) - len(names)
-        return (*names, *(f"g_sensitivity.{axis}" for axis in "xyz"[:more]))
+        more = parameter_names(self.g_free, "g_sensitivity")
+        return (*parameter_names(self.free), *(f"bias.{axis}" for axis in "xyz"), *more)
 
     @property
     def values(self) -> np.ndarray:
         """(K,) in the order of `parameters`."""
-        found = np.r_[self.model.matrix[self.free], self.model.bias, self.model.g_sensitivity]
-        return found[: len(self.covariance)]
+        m = self.model
+        return np.r_[m.matrix[self.free], m.bias, m.g_sensitivity[self.g_free]]
 
     @property
     def std(self) -> np.ndarray:
@@ -84,13 +83,17 @@ class Calibration:
         return self.covariance / np.outer(self.std, self.std)
 
     def std_of(self, part: str) -> np.ndarray:
-        """Standard errors of "matrix" (3, 3, zero where fixed), "bias" or "g_sensitivity" (3,)."""
-        if part == "matrix":
-            result = np.zeros((3, 3))
-            result[self.free] = self.std[: self.free.sum()]
-            return result
-        at = self.free.sum() + (0 if part == "bias" else 3)
-        return self.std[at : at + 3] if at < len(self.std) else np.zeros(3)
+        """Standard errors of "matrix" or "g_sensitivity" (3, 3; zero where fixed), or "bias" (3,)."""
+        count = int(self.free.sum())
+        if part == "bias":
+            return self.std[count : count + 3]
+        free, own = {
+            "matrix": (self.free, self.std[:count]),
+            "g_sensitivity": (self.g_free, self.std[count + 3 :]),
+        }[part]
+        result = np.zeros((3, 3))
+        result[free] = own
+        return result
 
     def to_frame(self) -> pd.DataFrame:
         """One parameter a row: value, standard error and 95 % interval, SI."""
@@ -116,8 +119,9 @@ class Calibration:
     def against(self, truth: dict) -> pd.DataFrame:
         """Estimate beside the truth of a simulated device: its matrix, bias and g_sensitivity, SI."""
         matrix = np.array(truth["matrix"])[self.free]
-        sensitivity = np.array(truth.get("g_sensitivity") or np.zeros(3))
-        true = np.r_[matrix, truth["bias"], sensitivity][: len(self.covariance)]
+        g = np.array(truth.get("g_sensitivity") or np.zeros((3, 3)), dtype=float)
+        g = np.diag(g) if g.ndim == 1 else g
+        true = np.r_[matrix, truth["bias"], g[self.g_free]]
         rows = {}
         for (name, v, h, unit), (_, t, _, _) in zip(
             self._shown(self.values), self._shown(true), strict=True
@@ -141,7 +145,9 @@ class Calibration:
                 yield f"bias {axis}", value / si, h / si, label
             elif part == "g_sensitivity":
                 factor = STANDARD_GRAVITY / si
-                yield f"g-sensitivity {axis}", value * factor, h * factor, f"{label}/g"
+                unseen = "" if np.any(self.model.g_sensitivity) else " (not visible)"
+                name = f"g-sensitivity {axis[0] if axis[0] == axis[-1] else axis}{unseen}"
+                yield name, value * factor, h * factor, f"{label}/g"
             elif axis[0] == axis[1]:
                 yield f"scale factor error {axis[0]}", 1e6 * (value - 1), 1e6 * h, "ppm"
             else:
@@ -154,16 +160,19 @@ class Calibration:
         """As results.json states a calibration."""
         gyroscope = self.sensor == "gyroscope"
         std = {"matrix": self.std_of("matrix"), "bias": self.std_of("bias")}
+        # A's G is diagonal: three numbers where that is all there is.
+        whole = np.array_equal(self.g_free, np.ones((3, 3)))
+        shape = (lambda g: g) if whole else np.diag
         visible = bool(np.any(self.model.g_sensitivity))
         if gyroscope:
-            std["g_sensitivity"] = self.std_of("g_sensitivity")
+            std["g_sensitivity"] = shape(self.std_of("g_sensitivity"))
         return {
             "method": self.method,
             "model": int(self.free.sum()) + 3,
             "input": self.data,
             "matrix": self.model.matrix,
             "bias": self.model.bias,
-            "g_sensitivity": self.model.g_sensitivity if visible else None,
+            "g_sensitivity": shape(self.model.g_sensitivity) if visible else None,
             "std": std,
             "interval_factor": self.interval_factor,
             "parameters": list(self.parameters),

@@ -252,17 +252,24 @@ def plot_turns(
 def plot_rest_readings(
     readings: np.ndarray, acceleration: np.ndarray, fit: RestFit, axes: Sequence[Axes] | None = None
 ) -> Sequence[Axes]:
-    """The gyroscope's mean in each rest against the specific force along the same axis, and the line."""
-    axes = new_row(3, width=8.6, height=2.9, sharey=False) if axes is None else axes
+    """Each gyroscope axis' mean in the rests, less its bias, against what the specific force explains.
+
+    A sensor without sensitivity to acceleration has all points in one heap; one whose sensitivity is
+    understood has them on the line.
+    """
+    axes = new_row(3, width=8.6, height=3.0, sharey=False) if axes is None else axes
     label, si = units.field_unit("gyroscope", "signal")
+    explained = acceleration @ fit.g_sensitivity.T / si
     for i, a in enumerate(axes):
-        a.plot(acceleration[:, i], readings[:, i] / si, "o", color=COLOURS["xyz"[i]], ms=4)
-        ends = np.array([acceleration[:, i].min(), acceleration[:, i].max()])
-        a.plot(ends, (fit.bias[i] + fit.g_sensitivity[i] * ends) / si, color="black", lw=1)
+        a.plot(
+            explained[:, i], (readings[:, i] - fit.bias[i]) / si, "o", color=COLOURS["xyz"[i]], ms=4
+        )
+        ends = np.array([explained[:, i].min(), explained[:, i].max()])
+        a.plot(ends, ends, color="black", lw=1)
         a.set_title("xyz"[i], fontsize=9)
-        a.set_xlabel("specific force [m/s²]")
+        a.set_xlabel(f"by acceleration [{label}]")
         grid(a)
-    axes[0].set_ylabel(f"reading at rest [{label}]")
+    axes[0].set_ylabel(f"reading at rest − bias [{label}]")
     return axes
 
 
