@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +16,14 @@ from sensorbook.errors import InputError, Problem
 
 @dataclass(frozen=True)
 class SimulatedDevice:
-    """`device.toml` as text, tables by file name (`.npz` or `.csv`), and the truth, SI."""
+    """`device.toml` as text, tables by file name, and the truth, SI.
+
+    A table is its columns by name, in a `.npz` or `.csv` file; a `.db` file (SQLite) holds several
+    tables by name.
+    """
 
     toml: str
-    tables: dict[str, dict[str, np.ndarray]]
+    tables: dict[str, dict]
     truth: dict
 
 
@@ -40,6 +46,8 @@ def write(device: SimulatedDevice, folder: Path) -> None:
         for name, table in device.tables.items():
             if name.endswith(".npz"):
                 np.savez(folder / name, **table)
+            elif name.endswith(".db"):
+                _write_database(folder / name, table)
             else:
                 pd.DataFrame(table).to_csv(folder / name, index=False)
         (folder / "truth.json").write_text(
@@ -47,9 +55,21 @@ def write(device: SimulatedDevice, folder: Path) -> None:
         )
         # Last, so that an interrupted simulation is not taken for a device.
         (folder / "device.toml").write_text(device.toml, encoding="utf-8")
-    except OSError as error:
+    except (OSError, sqlite3.OperationalError) as error:
+        why = getattr(error, "strerror", None) or error
         raise InputError(
-            Problem(
-                str(folder), "", f"cannot be written: {error.strerror}", "choose another folder"
-            )
+            Problem(str(folder), "", f"cannot be written: {why}", "choose another folder")
         ) from None
+
+
+def _write_database(path: Path, tables: dict[str, dict[str, np.ndarray]]) -> None:
+    path.unlink(missing_ok=True)  # what an interrupted simulation left
+    with closing(sqlite3.connect(path)) as database, database:
+        for name, columns in tables.items():
+            types = ", ".join(
+                f'"{c}" {"INTEGER" if v.dtype.kind in "iu" else "REAL"}' for c, v in columns.items()
+            )
+            database.execute(f'CREATE TABLE "{name}" ({types})')
+            rows = zip(*(v.tolist() for v in columns.values()), strict=True)
+            marks = ", ".join("?" * len(columns))
+            database.executemany(f'INSERT INTO "{name}" VALUES ({marks})', rows)
