@@ -157,8 +157,11 @@ def _read(rng, true: np.ndarray, force: np.ndarray, errors: dict, noise: Mapping
     raw = true @ np.transpose(errors["matrix"]) + errors["bias"]
     if errors["g_sensitivity"] is not None:
         raw += force * errors["g_sensitivity"]
-    terms = {k: noise[k] for k in ("random_walk", "bias_instability")}
-    raw += np.stack([coloured_noise(len(raw), RATE, rng, **terms) for _ in range(3)], axis=1)
+    white, flicker = noise["random_walk"], noise["bias_instability"]
+    raw += white * np.sqrt(RATE) * rng.standard_normal(raw.shape)
+    for column in raw.T:
+        slow = coloured_noise(len(raw), RATE, rng, random_walk=0.0, bias_instability=flicker)
+        column += slow - slow.mean()  # the bias is what the sensor has on the recording's average
     step = noise["full_scale"] / 2**15
     return np.clip(np.rint(raw / step), -(2**15), 2**15 - 1) * step
 
