@@ -173,6 +173,8 @@ def _span(temperature: np.ndarray | None) -> float:
 
 
 REMEDIES = {
+    "merged": "export each sensor's own table, or give the recorder's database instead of its CSV",
+    "corrupt": "cut that stretch out, and record with the screen on and the recorder in front",
     "gap": "record without losses: fewer channels, a faster card or link",
     "duplicate": "stamp each sample when it is taken, by one clock",
     "backward": "stamp each sample when it is taken, by one clock",

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensorbook.recordings.clock import advancing, missing_samples
+from sensorbook.recordings.corruption import IMPLAUSIBLE, frozen, implausible
+from sensorbook.recordings.merging import merged
 from sensorbook.recordings.recording import Finding, Recording
 from sensorbook.units import SENSOR_UNITS
 
@@ -39,6 +41,11 @@ def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
         found.append(Finding(recording.file, where, kind, message))
 
     _clock(recording, say)
+    if recording.sensor in SENSOR_UNITS and recording.rate is not None:
+        if message := merged(recording.values, recording.rate):
+            say("merged", message)
+        else:
+            _corrupt(recording, say)
     for column, name in zip(raw, names, strict=True):
         where = f"{recording.sensor}, column {name!r}"
         missing = int(np.count_nonzero(~np.isfinite(column)))
@@ -66,6 +73,19 @@ def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
                                   "reported as white noise is that of rounding")  # fmt: skip
     if recording.temperature is not None:
         _temperature(recording.temperature, say)
+
+
+def _corrupt(recording: Recording, say) -> None:
+    time = recording.time
+    if stretches := frozen(recording.values, recording.rate):
+        first, last = max(stretches, key=lambda pair: pair[1] - pair[0])
+        longest = ", the longest" if len(stretches) > 1 else ""
+        say("corrupt", f"repeats one and the same reading at {_places(len(stretches))}{longest} "
+                       f"{span(time[first : last + 1])}: frozen")  # fmt: skip
+    rows = implausible(recording.values, recording.sensor)
+    if len(rows):
+        say("corrupt", f"{_samples(len(rows))} beyond {IMPLAUSIBLE[recording.sensor]:g} "
+                       f"{recording.unit}, which it cannot have met, {span(time[rows])}")  # fmt: skip
 
 
 def _temperature(temperature: np.ndarray, say) -> None:
