@@ -12,7 +12,7 @@ COVERED = 36.0  # degrees: faces and edges of a cube cover its corners, 35.3° a
 
 # The 26 faces, edges and corners of a cube (B's figure shows 18 of them).
 STANDARD = {
-    " ".join(
+    "/".join(
         f"{axis} {'up' if s > 0 else 'down'}" for axis, s in zip("xyz", signs, strict=True) if s
     ): (np.array(signs) / np.linalg.norm(signs))
     for signs in sorted(

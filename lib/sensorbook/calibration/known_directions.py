@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from sensorbook.calibration.adjustment import paule_mandel, rms
-from sensorbook.calibration.model import FREE, ErrorModel
+from sensorbook.calibration.model import FREE, IDEAL, ErrorModel
 from sensorbook.calibration.multi_position import folds, norm_errors
 from sensorbook.calibration.positions import FACES, Positions
 from sensorbook.calibration.result import Calibration
@@ -73,8 +73,8 @@ def turned_in_housing(positions: Positions, directions: np.ndarray, gravity: flo
     """
     directions = np.asarray(directions, dtype=float)
     observed, true, covariances, size = _observations(positions, directions, gravity, "means")
-    tilt = _fit(_least_squares, positions, directions, gravity, FREE[12], "means")[2]
-    weights = covariances + _levelling(directions, tilt, gravity)
+    model, _, tilt, *_ = _fit(_least_squares, positions, directions, gravity, FREE[12], "means")
+    weights = _weights(_least_squares, covariances, directions, tilt, gravity, model)
     nine, twelve = (_least_squares(observed, true, weights, FREE[n], size)[2] for n in (9, 12))
     dof = 3 * len(positions) - 12
     return float(stats.f.sf((nine - twelve) / 3 / (twelve / dof), 3, dof))
@@ -107,8 +107,8 @@ def recursion_history(
         history.append(np.r_[model.matrix[free], model.bias])
 
     observed, true, covariances, size = _observations(positions, directions, gravity, "means")
-    tilt = _fit(_recursion, positions, directions, gravity, free, "means")[2]
-    weights = covariances + _levelling(np.asarray(directions), tilt, gravity)
+    model, _, tilt, *_ = _fit(_recursion, positions, directions, gravity, free, "means")
+    weights = _weights(_recursion, covariances, directions, tilt, gravity, model)
     _recursion(observed, true, weights, free, size, each=keep)
     return np.array(history)
 
@@ -176,22 +176,32 @@ def _fit(solve: Callable, positions, directions, gravity, free, data):
     observed, true, covariances, size = _observations(positions, directions, gravity, data)
     dof = 3 * len(observed) - int(free.sum()) - 3
 
-    def attempt(excess: float):
-        added = _levelling(directions, excess, gravity) if excess else 0.0
-        return solve(observed, true, covariances + added, free, size)
+    def attempt(tilt: float, model: ErrorModel):
+        weights = covariances
+        if data == "means":
+            weights = _weights(solve, covariances, directions, tilt, gravity, model)
+        return solve(observed, true, weights, free, size)
 
-    model, covariance, white = attempt(0.0)
-    chi, excess = white, 0.0
-    if data == "means":
-        excess = paule_mandel(lambda s: attempt(s)[2], dof, rms(observed - model.distort(true)))
-        model, covariance, chi = attempt(excess)
-    return model, covariance * chi / max(dof, 1), excess, dof, white
+    model, covariance, white = attempt(0.0, IDEAL)
+    chi, tilt = white, 0.0
+    for _ in range(2 if data == "means" else 0):  # the weights hang on the model, but weakly
+        start = model
+        left = rms(observed - start.distort(true))
+        tilt = paule_mandel(lambda s, start=start: attempt(s, start)[2], dof, left)
+        model, covariance, chi = attempt(tilt, start)
+    return model, covariance * chi / max(dof, 1), tilt, dof, white
 
 
-def _levelling(directions: np.ndarray, tilt: float, gravity: float) -> np.ndarray:
-    """(P, 3, 3) covariance of the specific force where levelling errs by tilt/gravity radians."""
+def _weights(solve, covariances, directions, tilt, gravity, model: ErrorModel) -> np.ndarray:
+    """(P, 3, 3) covariance of what a solver leaves: the noise of the means, and the specific force
+    where levelling errs by tilt/gravity radians. Least squares has readings, the recursion true
+    values on its left-hand side."""
     along = directions[:, :, None] * directions[:, None, :]
-    return tilt**2 * (np.eye(3) - along) + (tilt**2 / gravity) ** 2 * along
+    force = tilt**2 * (np.eye(3) - along) + (tilt**2 / gravity) ** 2 * along
+    if solve is _least_squares:
+        return covariances + model.matrix @ force @ model.matrix.T
+    inverse = np.linalg.inv(model.matrix)
+    return inverse @ covariances @ inverse.T + force
 
 
 def _rows(values: np.ndarray, free: np.ndarray, sign: float) -> np.ndarray:

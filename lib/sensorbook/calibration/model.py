@@ -52,9 +52,9 @@ class ErrorModel:
 
     def correct(self, raw: np.ndarray, acceleration: np.ndarray | None = None) -> np.ndarray:
         """(N, 3) true values for (N, 3) readings; `acceleration` is the calibrated one (m/s²)."""
-        offset = (
-            self.bias if acceleration is None else self.bias + acceleration * self.g_sensitivity
-        )
+        offset = self.bias
+        if acceleration is not None:
+            offset = offset + acceleration @ self.g_sensitivity.T
         return np.linalg.solve(self.matrix, (raw - offset).T).T
 
     @property

@@ -16,6 +16,7 @@ from sensorbook.errors import Refusal
 DEGREES = (0, 1, 2, 3)
 SMALLEST_SPAN = 5.0  # °C; less hardly moves anything
 SAME = 2.0  # °C: recordings nearer than this are at one temperature
+CLEAR = 2.0  # standard errors by which a higher degree must predict better
 ITERATIONS = 20
 
 
@@ -63,8 +64,8 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
     positions : with temperatures, at several of them (`several_temperatures`)
 
     No position is set aside: what does not fit one temperature may fit another. The degree is the
-    simplest whose error on whole recordings left out is within one standard error
-    of the best. A recording left out counts where the others cover its temperature.
+    simplest whose error on whole recordings left out is within two standard
+    errors of the best. A recording left out counts where the others cover its temperature.
     """
     used = positions
     low, high = float(used.temperature.min()), float(used.temperature.max())
@@ -134,36 +135,28 @@ def _by_run(positions: Positions, gravity: float) -> tuple[tuple[float, np.ndarr
 
 
 def _left_out(positions, scaled, degree, start) -> np.ndarray | None:
-    """Mean square of ``‖a‖ − g`` of each recording by a fit without it, where others cover it."""
+    """Squares of ``‖a‖ − g`` of each position by a fit without its recording, where others cover it."""
     found = []
     for r in np.unique(positions.runs):
         out = positions.runs == r
         inside = (scaled[out] >= scaled[~out].min() - 0.05) & (
             scaled[out] <= scaled[~out].max() + 0.05
         )
-        levels = len(np.unique(np.round(scaled[~out], 1)))
-        if inside.mean() < 0.5 or levels <= degree:
+        if inside.mean() < 0.5:
             continue
         base, coefficients, *_ = _fit(positions, scaled, degree, start, ~out)
         found.append(
-            np.mean(
-                _errors(base, coefficients, positions.means[out], scaled[out], start.gravity) ** 2
-            )
+            _errors(base, coefficients, positions.means[out], scaled[out], start.gravity) ** 2
         )
-    return np.array(found) if found else None
+    return np.concatenate(found) if found else None
 
 
 def _choose(errors: dict[int, np.ndarray]) -> int:
-    if not errors:
-        return 0
-    best = min(errors, key=lambda d: errors[d].mean())
+    """The lowest degree that is within `CLEAR` standard errors of the best, paired over positions."""
+    best = min(errors, key=lambda d: errors[d].mean(), default=0)
     for degree in sorted(errors):
-        a, b = errors[degree], errors[best]
-        if len(a) != len(b):
-            continue
-        gap = a - b
-        limit = gap.std(ddof=1) / np.sqrt(len(gap)) if len(gap) > 1 else 0.2 * b.mean()
-        if degree == best or gap.mean() <= limit:
+        gap = errors[degree] - errors[best]
+        if gap.mean() <= CLEAR * gap.std(ddof=1) / np.sqrt(len(gap)):
             return degree
     return best
 
