@@ -15,6 +15,7 @@ import numpy as np
 
 from sensorbook.errors import InputError, Problem
 from sensorbook.guessing import scales
+from sensorbook.guessing.beside import kind_beside, together
 from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOWN, Guess, weakest
 from sensorbook.guessing.clock import NO_CLOCK, Clock, find_clock
 from sensorbook.guessing.columns import Column, read_columns, sort_columns
@@ -22,7 +23,6 @@ from sensorbook.guessing.kinds import kind_of, quaternion_of
 from sensorbook.guessing.names import sensor_of, words_of
 from sensorbook.guessing.sensors import Triple, find_sensors
 from sensorbook.recordings.tables import Table, open_table, table_names
-from sensorbook.units import factor
 
 FEWEST = 100  # samples of a recording
 
@@ -97,6 +97,7 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
         left_out += left
         if not found and one.temperature is None:
             left_out.append(f"{_place(one)}: {_why_none(one)}: left out.")
+    made = [(one, _beside(one, recording, made)) for one, recording in made]
     for one, recording in made:
         if better := _better(one, recording, made):
             sensor = recording.table["sensor"]
@@ -156,21 +157,19 @@ def _better(
 
 
 def _together(one: _Opened, other: _Opened) -> bool:
-    """True where two tables were recorded at the same time, as far as their clocks tell."""
-    spans = [_absolute(o.clock) for o in (one, other)]
-    if None in spans:
-        return one.file == other.file
-    (a, b), (c, d) = spans
-    return min(b, d) - max(a, c) > 0.5 * min(b - a, d - c)
+    return together(one.clock, other.clock, one.file == other.file)
 
 
-def _absolute(clock: Clock) -> tuple[float, float] | None:
-    """First and last second since 1970; None where the clock counts from anywhere."""
-    if clock.column is None:
-        return None
-    values = clock.column.values * factor(clock.unit or "s", "s")
-    first, last = float(np.nanmin(values)), float(np.nanmax(values))
-    return (first, last) if first > 9e8 else None
+def _beside(
+    one: _Opened, recording: GuessedRecording, made: Sequence[tuple[_Opened, GuessedRecording]]
+) -> GuessedRecording:
+    """The recording with what tables of the same time tell of it."""
+    others = [r.table for other, r in made if other is not one and _together(one, other)]
+    guesses = [
+        kind_beside(g, recording.table["sensor"], others) if g.key == "kind" else g
+        for g in recording.guesses
+    ]
+    return _marked({k: v for k, v in recording.table.items() if k != "guessed"}, guesses)
 
 
 def _open(path: Path, file: str, name: str | None) -> _Opened:
@@ -391,6 +390,9 @@ def _why_none(one: _Opened) -> str:
     rows = len(one.table.column(0)) if one.table.names else 0
     if rows < FEWEST:
         return f"holds {rows} rows, too few for a recording"
+    words = {w for c in (*one.idle, *one.quaternion) for w in words_of(c.name)}
+    if words & {"latitude", "lat"} and words & {"longitude", "lon", "lng"}:
+        return "holds a satellite receiver's places, which may stand under [site], and no sensor"
     if not one.triples:
         return f"holds no three columns of a sensor ({len(one.table.names)} columns in all)"
     return "holds readings of which neither names nor values tell the sensor"

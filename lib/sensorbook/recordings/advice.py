@@ -174,8 +174,8 @@ def _span(temperature: np.ndarray | None) -> float:
 
 REMEDIES = {
     "merged": "export each sensor's own table, or give the recorder's database instead of its CSV",
-    "corrupt": "cut that stretch out, and record with the screen on and the recorder in front",
-    "gap": "record without losses: fewer channels, a faster card or link",
+    "corrupt": "cut it out, or record again: a phone with its screen on and the recorder in front",
+    "gap": "record without losses: fewer channels, a faster card or link, a phone with its screen on",
     "duplicate": "stamp each sample when it is taken, by one clock",
     "backward": "stamp each sample when it is taken, by one clock",
     "nan": "record again where the logger leaves cells empty",
