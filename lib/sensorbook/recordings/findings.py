@@ -42,7 +42,7 @@ def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
 
     _clock(recording, say)
     if recording.sensor in SENSOR_UNITS and recording.rate is not None:
-        if message := merged(recording.values, recording.rate):
+        if message := merged(recording.values, recording.time):
             say("merged", message)
         else:
             _corrupt(recording, say)

@@ -17,12 +17,12 @@ EMPTY = 0.3  # share of rows
 ENDED = 0.05  # share of rows after the last reading
 
 
-def merged(values: np.ndarray, rate: float) -> str:
-    """What shows that (N, 3) readings at `rate` (Hz) were merged from a table of another rate; else "".
+def merged(values: np.ndarray, time: np.ndarray) -> str:
+    """What shows that (N, 3) readings at (N,) stamps (s) come from a table of another rate; else "".
 
     >>> rng = np.random.default_rng(0)
-    >>> merged(np.repeat(rng.normal(size=(500, 3)), 2, axis=0), 200.0)[:48]
-    'each reading stands in 2 rows on the mean, regul'
+    >>> merged(np.repeat(rng.normal(size=(500, 3)), 2, axis=0), np.arange(1000) / 200)
+    'each reading stands in 2 rows, regularly: a table of about 100 Hz merged into a faster one'
     """
     finite = np.isfinite(values).all(axis=1)
     rows = np.flatnonzero(finite)
@@ -30,26 +30,21 @@ def merged(values: np.ndarray, rate: float) -> str:
         return ""
     within = rows[-1] + 1
     if within < (1 - ENDED) * len(values):
-        # The readings that are there stand row by row beside another table's.
         return (f"its readings end at row {within} of {len(values)}: joined row by row with a longer "
-                "table, whose time is not its own where it was sampled faster or slower")  # fmt: skip
+                "table, whose stamps may not be its own")  # fmt: skip
     if len(rows) < (1 - EMPTY) * within:
-        steps = np.diff(rows)
-        if _regular(steps):
-            return (f"one row in {_number(steps.mean())} holds a reading, at regular places: a table of "
-                    f"{_number(rate / steps.mean())} Hz in rows of {_number(rate)} Hz")  # fmt: skip
-        return ""
-    readings = values[finite]
+        if not _regular(np.diff(rows)):
+            return ""
+        return f"one row in {np.diff(rows).mean():.3g} holds a reading{_of_rate(time[rows])}"
+    readings, stamps = values[finite], time[finite]
     changes = np.flatnonzero((readings[1:] != readings[:-1]).any(axis=1)) + 1
     runs = np.diff(changes)  # the first and the last may be cut
     if len(runs) < FEWEST:
         return ""
-    runs = runs[runs <= 4 * np.median(runs)]  # a stretch frozen besides
-    mean = float(runs.mean())
-    if mean < REPEATED or not _regular(runs):
+    runs = runs[runs <= 4 * np.median(runs)]  # but for a stretch that is frozen besides
+    if runs.mean() < REPEATED or not _regular(runs):
         return ""
-    return (f"each reading stands in {_number(mean)} rows on the mean, regularly: a table of "
-            f"{_number(rate / mean)} Hz in rows of {_number(rate)} Hz")  # fmt: skip
+    return f"each reading stands in {runs.mean():.3g} rows{_of_rate(stamps[changes])}"
 
 
 def _regular(runs: np.ndarray) -> bool:
@@ -58,5 +53,11 @@ def _regular(runs: np.ndarray) -> bool:
     return bool(runs.var() < REGULAR * mean * (mean - 1))
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+def _of_rate(stamps: np.ndarray) -> str:
+    steps = np.diff(stamps)
+    steps = steps[steps > 0]
+    if not len(steps):
+        return ", regularly: a slow table merged into a faster one"
+    # Two readings that are equal by chance make one step of two.
+    step = steps[steps <= 1.6 * np.median(steps)].mean()
+    return f", regularly: a table of about {1 / step:.3g} Hz merged into a faster one"
