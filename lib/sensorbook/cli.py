@@ -238,7 +238,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     simulate.add_argument("folder", metavar="DIR", help="folder to write")
     simulate.add_argument("--seed", type=_seed, default=1, metavar="N", help="default: 1")
-    simulate.add_argument("--preset", default="ahrs", metavar="NAME", help="default: ahrs")
+    simulate.add_argument(
+        "--preset", default="ahrs", metavar="NAME", help="ahrs (the default), positions or phone"
+    )
 
     export = command(
         "export",
