@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from sensorbook.calibration.find import find_faces, find_positions, require_gyroscope
 from sensorbook.calibration.known_directions import recursive, six_position
 from sensorbook.calibration.model import ErrorModel
 from sensorbook.calibration.multi_position import multi_position
-from sensorbook.calibration.rest_to_rest import all_motions, fit_rests, rest_to_rest
+from sensorbook.calibration.rest_to_rest import Directions, all_motions, fit_rests, rest_to_rest
 from sensorbook.calibration.result import Calibration
 from sensorbook.earth import STANDARD_GRAVITY
 
@@ -29,11 +27,10 @@ def calibrate_gyroscope(gyroscope, accelerometer, gravity: float = STANDARD_GRAV
     """A gyroscope's calibration from one recording of kind "positions" and the accelerometer's beside it."""
     found = find_positions([accelerometer], [gyroscope], gravity)
     rests = require_gyroscope(found)
-    level = multi_position(found.positions, gravity).model
-    acceleration = level.correct(found.positions.means)
-    directions = acceleration / np.linalg.norm(acceleration, axis=1)[:, None]
-    fit = fit_rests(rests, acceleration)
-    motions = all_motions([gyroscope], [accelerometer], found, directions, level, fit)
+    level = multi_position(found.positions, gravity)
+    directions = Directions.by(level, found.positions)
+    fit = fit_rests(rests, directions.acceleration)
+    motions = all_motions([gyroscope], [accelerometer], found, directions, level.model, fit)
     return rest_to_rest(motions, fit, gravity)
 
 

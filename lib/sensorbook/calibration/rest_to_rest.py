@@ -29,7 +29,7 @@ ITERATIONS = 30
 LONGEST = 60.0  # s of motion; longer, and the integral tells of noise and drift alone
 FEWEST = 9
 MAX_CONDITION = 20.0
-VISIBLE = 0.01  # significance at which a sensitivity to acceleration is stated
+VISIBLE = 0.003  # significance at which a sensitivity to acceleration is stated
 SMALLEST_TURN = 5.0  # degrees; less tells nothing of a scale factor
 
 
@@ -61,6 +61,45 @@ class RestFit:
 
 
 @dataclass(frozen=True, eq=False)
+class Directions:
+    """Directions of the specific force in P rests, by a calibrated accelerometer.
+
+    Attributes
+    ----------
+    unit : (P, 3)
+    acceleration : (P, 3) m/s²
+    frame : (P, 3, K) what `unit` changes by for one standard error of each of K independent
+        combinations of the accelerometer's parameters, the same in all rests
+    """
+
+    unit: np.ndarray
+    acceleration: np.ndarray
+    frame: np.ndarray
+
+    @classmethod
+    def by(cls, level: Calibration, positions: Positions) -> Directions:
+        """From the accelerometer's calibration and its rests."""
+        true = level.model.correct(positions.means)
+        length = np.linalg.norm(true, axis=1)[:, None]
+        unit = true / length
+        inverse = np.linalg.inv(level.model.matrix)
+        rows, columns = np.nonzero(level.free)
+        # true = M⁻¹(l − b): d true = −M⁻¹(dM true + db)
+        change = (
+            np.concatenate(
+                [
+                    -inverse[None, :, rows] * true[:, None, columns],
+                    np.broadcast_to(-inverse, (len(true), 3, 3)),
+                ],
+                axis=2,
+            )
+            / length[:, :, None]
+        )
+        change -= unit[:, :, None] * np.einsum("pi,pik->pk", unit, change)[:, None, :]
+        return cls(unit, true, change @ np.linalg.cholesky(level.covariance))
+
+
+@dataclass(frozen=True, eq=False)
 class Motions:
     """The stretches between neighbouring rests, R of them, padded to one length.
 
@@ -69,6 +108,8 @@ class Motions:
     turns : (R, L, 3) rad, turned in each step by the sensor's own scale, less the bias
     seconds : (R,) duration
     before, after : (R, 3) directions of the specific force in the rests on both sides
+    frame_before, frame_after : (R, 3, K) what one standard error each of the accelerometer's
+        parameters does to them
     labels : such as "4 → 5"
     """
 
@@ -76,6 +117,8 @@ class Motions:
     seconds: np.ndarray
     before: np.ndarray
     after: np.ndarray
+    frame_before: np.ndarray
+    frame_after: np.ndarray
     labels: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -88,6 +131,8 @@ class Motions:
             self.seconds[at],
             self.before[at],
             self.after[at],
+            self.frame_before[at],
+            self.frame_after[at],
             tuple(self.labels[i] for i in at),
         )
 
@@ -98,7 +143,7 @@ def fit_rests(
     """Bias and sensitivity to acceleration from the gyroscope's rests.
 
     The sensitivity is diagonal, as A has it, unless the six entries off it lower the residuals by more
-    than chance would (F test, 1 %).
+    than chance would (F test, 0.3 %).
 
     Parameters
     ----------
@@ -190,7 +235,7 @@ def motions_between(
     time: np.ndarray,
     values: np.ndarray,
     positions: Positions,
-    directions: np.ndarray,
+    directions: Directions,
     run: int = 0,
     offset: np.ndarray | None = None,
 ) -> Motions:
@@ -200,7 +245,7 @@ def motions_between(
     ----------
     time, values : (N,) s and (N, 3) rad/s of the gyroscope
     positions : its rests in order of time, with the gyroscope's own samples
-    directions : (P, 3) of the specific force in each, from the calibrated accelerometer
+    directions : of the specific force in each, from the calibrated accelerometer
     run : the recording's index among the positions' runs
     offset : (N, 3) rad/s, what acceleration adds to each sample; taken out
 
@@ -238,8 +283,10 @@ def motions_between(
     return Motions(
         turns,
         positions.spans[rows + 1, 0] - positions.spans[rows, 1],
-        directions[rows],
-        directions[rows + 1],
+        directions.unit[rows],
+        directions.unit[rows + 1],
+        directions.frame[rows],
+        directions.frame[rows + 1],
         tuple(f"{i + 1} → {i + 2}" for i in at),
     )
 
@@ -253,6 +300,8 @@ def _joined(parts: Sequence[Motions]) -> Motions:
         np.concatenate([p.seconds for p in parts]),
         np.vstack([p.before for p in parts]),
         np.vstack([p.after for p in parts]),
+        np.concatenate([p.frame_before for p in parts]),
+        np.concatenate([p.frame_after for p in parts]),
         tuple(label for p in parts for label in p.labels),
     )
 
@@ -261,7 +310,7 @@ def all_motions(
     gyroscopes: Sequence[Recording],
     accelerometers: Sequence[Recording],
     found: Found,
-    directions: np.ndarray,
+    directions: Directions,
     model: ErrorModel,
     fit: RestFit,
 ) -> Motions:
@@ -271,7 +320,7 @@ def all_motions(
     Parameters
     ----------
     gyroscopes, accelerometers : the recordings; those of the accelerometer in the order of `found`
-    directions : (P, 3) of the specific force in each rest
+    directions : of the specific force in each rest
     model : of the accelerometer
     """
     parts = []
@@ -289,14 +338,15 @@ def all_motions(
     return _joined(parts)
 
 
-def predicted(motions: Motions, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def predicted(motions: Motions, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Directions carried through each motion by the gyroscope, and their derivatives.
 
     Parameters
     ----------
     inverse : (3, 3) K = M⁻¹, which corrects a reading less its bias
 
-    Returns (R, 3) unit directions and (R, 3, 9) derivatives by the entries of K, row by row.
+    Returns (R, 3) unit directions, (R, 3, 9) derivatives by the entries of K, row by row, and the
+    (R, 3, 3) rotations.
     """
     steps = rotation_matrices(-(motions.turns @ inverse.T))
     r, length = motions.turns.shape[:2]
@@ -308,7 +358,7 @@ def predicted(motions: Motions, inverse: np.ndarray) -> tuple[np.ndarray, np.nda
         rest = rest @ steps[:, k]
     end = np.einsum("rij,rj->ri", rest, motions.before)
     # du = u × (Σ T dφ)
-    return end, np.cross(end[:, None, :], tilt.transpose(0, 2, 1)).transpose(0, 2, 1)
+    return end, np.cross(end[:, None, :], tilt.transpose(0, 2, 1)).transpose(0, 2, 1), rest
 
 
 def rotation_matrices(vectors: np.ndarray) -> np.ndarray:
@@ -328,7 +378,8 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
     """Scale factors and misalignments of a gyroscope, all nine, in the accelerometer's frame.
 
     Least squares of the angles between carried and measured directions; each motion gives two. The
-    covariance is scaled by the residuals. Motions that do not belong are set aside by name.
+    covariance is scaled by the residuals, and what the accelerometer's own parameters are uncertain by
+    is carried into it. Motions that do not belong are set aside by name.
 
     Raises
     ------
@@ -348,8 +399,10 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
     matrix = np.linalg.inv(inverse)
     # M = K⁻¹: dM = −M dK M
     jacobian = -np.kron(matrix, matrix.T)
+    by_frame = -np.linalg.lstsq(rows, _by_frame(used, inverse), rcond=None)[0]
+    own = np.linalg.inv(rows.T @ rows) * scale + by_frame @ by_frame.T
     covariance = np.zeros((9 + len(fit.covariance),) * 2)
-    covariance[:9, :9] = jacobian @ np.linalg.inv(rows.T @ rows) @ jacobian.T * scale
+    covariance[:9, :9] = jacobian @ own @ jacobian.T
     covariance[9:, 9:] = fit.covariance
     errors = direction_errors(used, inverse)
     return Calibration(
@@ -412,7 +465,7 @@ def _solve(motions: Motions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     inverse = np.eye(3)
     across = _tangents(motions.after)
     for _ in range(ITERATIONS):
-        end, derivative = predicted(motions, inverse)
+        end, derivative, _ = predicted(motions, inverse)
         left = np.einsum("rij,rj->ri", across, end).reshape(-1)
         rows = np.einsum("rij,rjk->rik", across, derivative).reshape(-1, 9)
         step = np.linalg.lstsq(rows, -left, rcond=None)[0].reshape(3, 3)
@@ -420,6 +473,13 @@ def _solve(motions: Motions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if np.abs(step).max() < 1e-9:
             break
     return inverse, rows, left
+
+
+def _by_frame(motions: Motions, inverse: np.ndarray) -> np.ndarray:
+    """(2R, K) what one standard error of each of the accelerometer's parameters does to the residuals."""
+    carried = predicted(motions, inverse)[2] @ motions.frame_before
+    across = _tangents(motions.after)
+    return (across @ (carried - motions.frame_after)).reshape(2 * len(motions), -1)
 
 
 def _outlier(rows: np.ndarray, left: np.ndarray) -> int | None:
@@ -438,7 +498,7 @@ def _require_turns(motions: Motions) -> None:
             "and misalignments of a gyroscope.",
             "Go from rest to rest through 18 positions or more, turning by 90° about x, y and z.",
         )
-    _, derivative = predicted(motions, np.eye(3))
+    derivative = predicted(motions, np.eye(3))[1]
     across = _tangents(motions.after)
     rows = np.einsum("rij,rjk->rik", across, derivative).reshape(-1, 9)
     _, singular, vectors = np.linalg.svd(rows, full_matrices=False)
