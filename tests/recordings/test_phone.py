@@ -168,7 +168,9 @@ def test_a_slow_table_repeated_in_a_faster_one(moved, own, rows, step):
     stamps, merged_values = held(time, values, rows, np.random.default_rng([12, 2]))
     finding = findings(stamps, merged_values)["merged"]
     rate = float(
-        re.search(r"a table of about ([\d.]+) Hz merged into a faster one$", finding.message)[1]
+        re.search(
+            r"it is sampled at about ([\d.]+) Hz, and repeated in faster rows$", finding.message
+        )[1]
     )
     assert rate == pytest.approx(own, rel=0.03)  # readings equal by chance hide some
     in_rows = float(
@@ -184,8 +186,8 @@ def test_a_slow_table_among_empty_cells(moved, own):
     sparse[:: 100 // own] = values[:: 100 // own]
     found = findings(time, sparse)
     assert found["merged"].message == (
-        f"one row in {100 // own} holds a reading, regularly: a table of about {own} Hz merged into a "
-        "faster one"
+        f"one row in {100 // own} holds a reading, regularly: it is sampled at about {own} Hz, in a "
+        "faster table"
     )
     assert "nan" in found
 
@@ -208,9 +210,9 @@ def test_a_merged_csv_is_told_with_its_remedy(moved, tmp_path, capsys):
     frame.to_csv(tmp_path / "log.csv", index=False)
     assert main(["check", str(tmp_path / "log.csv")]) == 0
     assert (
-        "warning: log.csv: accelerometer: each reading stands in 2 rows, regularly: a table of about "
-        "50 Hz merged into a faster one — export each sensor's own table, or give the recorder's "
-        "database instead of its CSV"
+        "warning: log.csv: accelerometer: each reading stands in 2 rows, regularly: it is sampled at "
+        "about 50 Hz, and repeated in faster rows — save each sensor at its own rate: its own table, or "
+        "the recorder's database, not its CSV"
     ) in capsys.readouterr().out.splitlines()
 
 

@@ -173,7 +173,7 @@ def _span(temperature: np.ndarray | None) -> float:
 
 
 REMEDIES = {
-    "merged": "export each sensor's own table, or give the recorder's database instead of its CSV",
+    "merged": "save each sensor at its own rate: its own table, or the recorder's database, not its CSV",
     "corrupt": "cut it out, or record again: a phone with its screen on and the recorder in front",
     "gap": "record without losses: fewer channels, a faster card or link, a phone with its screen on",
     "duplicate": "stamp each sample when it is taken, by one clock",

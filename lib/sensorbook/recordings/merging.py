@@ -22,7 +22,7 @@ def merged(values: np.ndarray, time: np.ndarray) -> str:
 
     >>> rng = np.random.default_rng(0)
     >>> merged(np.repeat(rng.normal(size=(500, 3)), 2, axis=0), np.arange(1000) / 200)
-    'each reading stands in 2 rows, regularly: a table of about 100 Hz merged into a faster one'
+    'each reading stands in 2 rows, regularly: it is sampled at about 100 Hz, and repeated in faster rows'
     """
     finite = np.isfinite(values).all(axis=1)
     rows = np.flatnonzero(finite)
@@ -35,7 +35,7 @@ def merged(values: np.ndarray, time: np.ndarray) -> str:
     if len(rows) < (1 - EMPTY) * within:
         if not _regular(np.diff(rows)):
             return ""
-        return f"one row in {np.diff(rows).mean():.3g} holds a reading{_of_rate(time[rows])}"
+        return f"one row in {np.diff(rows).mean():.3g} holds a reading, regularly: {_sampled(time[rows])}, in a faster table"
     readings, stamps = values[finite], time[finite]
     changes = np.flatnonzero((readings[1:] != readings[:-1]).any(axis=1)) + 1
     runs = np.diff(changes)  # the first and the last may be cut
@@ -44,7 +44,8 @@ def merged(values: np.ndarray, time: np.ndarray) -> str:
     runs = runs[runs <= 4 * np.median(runs)]  # but for a stretch that is frozen besides
     if runs.mean() < REPEATED or not _regular(runs):
         return ""
-    return f"each reading stands in {runs.mean():.3g} rows{_of_rate(stamps[changes])}"
+    return (f"each reading stands in {runs.mean():.3g} rows, regularly: {_sampled(stamps[changes])}, and "
+            "repeated in faster rows")  # fmt: skip
 
 
 def _regular(runs: np.ndarray) -> bool:
@@ -53,11 +54,11 @@ def _regular(runs: np.ndarray) -> bool:
     return bool(runs.var() < REGULAR * mean * (mean - 1))
 
 
-def _of_rate(stamps: np.ndarray) -> str:
+def _sampled(stamps: np.ndarray) -> str:
     steps = np.diff(stamps)
     steps = steps[steps > 0]
     if not len(steps):
-        return ", regularly: a slow table merged into a faster one"
+        return "it is sampled slowly"
     # Two readings that are equal by chance make one step of two.
     step = steps[steps <= 1.6 * np.median(steps)].mean()
-    return f", regularly: a table of about {1 / step:.3g} Hz merged into a faster one"
+    return f"it is sampled at about {1 / step:.3g} Hz"
