@@ -8,6 +8,8 @@ from contextlib import closing
 import numpy as np
 import pandas
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import sensorbook
 from sensorbook import Recording
@@ -249,6 +251,30 @@ def test_real_recordings_are_neither_merged_nor_corrupt(real_data, name):
                 coarse = np.round(run.values / step) * step
                 assert merged(coarse, run.time) == ""
                 assert frozen(coarse, run.rate or 100.0) == []
+
+
+def test_a_real_log_without_a_declaration_is_neither(real_data):
+    _, found = check(real_data / "imucal-ferraris" / "example_ferraris_session.csv")
+    assert {f.kind for f in found} <= {"guessed"}
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    times=st.integers(2, 30),
+    readings=st.integers(40, 300),
+    seed=st.integers(0, 2**32 - 1),
+    unit=st.sampled_from([1.0, 9.80665, 1e-6]),
+)
+def test_whatever_is_repeated_is_told_in_any_unit(times, readings, seed, unit):
+    own = np.random.default_rng(seed).normal(size=(readings, 3)) * unit
+    time = np.arange(times * readings) / 100
+    assert merged(own, time[::times]) == ""
+    expected = f"it is sampled at about {100 / times:.3g} Hz"
+    assert expected in merged(np.repeat(own, times, axis=0), time)
+    sparse = np.full((times * readings, 3), np.nan)
+    sparse[::times] = own
+    # What stands empty after the last reading is less than a fortieth of the rows.
+    assert expected in merged(sparse, time)
 
 
 # ---- corrupt stretches ----

@@ -35,7 +35,8 @@ def merged(values: np.ndarray, time: np.ndarray) -> str:
     if len(rows) < (1 - EMPTY) * within:
         if not _regular(np.diff(rows)):
             return ""
-        return f"one row in {np.diff(rows).mean():.3g} holds a reading, regularly: {_sampled(time[rows])}, in a faster table"
+        share = f"one row in {np.diff(rows).mean():.3g} holds a reading"
+        return f"{share}, regularly: {_sampled(time[rows])}, in a faster table"
     readings, stamps = values[finite], time[finite]
     changes = np.flatnonzero((readings[1:] != readings[:-1]).any(axis=1)) + 1
     runs = np.diff(changes)  # the first and the last may be cut
