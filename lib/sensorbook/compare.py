@@ -181,7 +181,7 @@ def _numbers(results: Entry) -> dict[tuple[str, str, str], Measured]:
 
 
 def _calibration(sensor: Entry, known) -> Iterator[tuple[tuple[str, str], Measured]]:
-    """Offsets of a calibration, with their standard deviations where it states them."""
+    """Numbers of a calibration that state their standard deviations."""
     calibration = sensor.get("calibration")
     for quantity in ("bias", "hard_iron"):
         values = calibration.get(quantity).value
@@ -191,6 +191,19 @@ def _calibration(sensor: Entry, known) -> Iterator[tuple[tuple[str, str], Measur
         for axis, value, std in zip(AXES, values, spread, strict=True):
             half = _HALF_WIDTH * std
             yield (quantity, axis), Measured(value, value - half, value + half)
+    matrix, spread = calibration.get("matrix").value, calibration.get("std").get("matrix").value
+    if not (_three_by_three(matrix) and _three_by_three(spread)):
+        return
+    for i, row in enumerate(AXES):
+        for j, column in enumerate(AXES):
+            value, half = matrix[i][j] - (i == j), _HALF_WIDTH * spread[i][j]
+            if half:
+                key = ("scale_factor_error", row) if i == j else ("misalignment", row + column)
+                yield key, Measured(value, value - half, value + half)
+
+
+def _three_by_three(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(map(_three, value))
 
 
 def _three(value: Any) -> bool:

@@ -131,6 +131,8 @@ _QUANTITY_UNITS = {
     ),
     "rate_ramp": (("rad/s^2", "°/h/s"), ("m/s^3", "mg/s"), ("T/s", "nT/s")),
     "bias": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
+    "scale_factor_error": (("1", "ppm"), ("1", "ppm"), None),
+    "misalignment": (("rad", "mrad"), ("rad", "mrad"), None),
     "hard_iron": (None, None, ("T", "µT")),
     "field": (None, None, ("T", "µT")),
     "rms_before": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),

@@ -1,4 +1,4 @@
-"""The demo device, simulated and rendered once."""
+"""The demo devices, simulated and rendered once."""
 
 from __future__ import annotations
 
@@ -14,6 +14,28 @@ from sensorbook.simulate import simulate
 def demo_folder(tmp_path_factory) -> Path:
     """The demo as `make report` has it, beside a folder of notebooks."""
     return simulate(tmp_path_factory.mktemp("workbook") / "data" / "ahrs-demo")
+
+
+@pytest.fixture(scope="session")
+def moved_folder(demo_folder) -> Path:
+    """The hand-moved demo, beside the other."""
+    return simulate(demo_folder.with_name("positions-demo"), "positions")
+
+
+@pytest.fixture(scope="session")
+def moved(moved_folder) -> Report:
+    return render(moved_folder, moved_folder.parents[1] / "reports")
+
+
+@pytest.fixture(scope="session")
+def phone_folder(demo_folder) -> Path:
+    """Work B's phone."""
+    return simulate(demo_folder.with_name("phone-demo"), "phone")
+
+
+@pytest.fixture(scope="session")
+def phone(phone_folder) -> Report:
+    return render(phone_folder, phone_folder.parents[1] / "reports")
 
 
 @pytest.fixture(scope="session")

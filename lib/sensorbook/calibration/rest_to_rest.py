@@ -44,6 +44,8 @@ class RestFit:
     covariance : of the biases and the free sensitivities, scaled by the residuals
     p_value, p_cross : that so large a diagonal, and so large entries off it, come by chance (F tests)
     excess : (3,) rad/s, standard deviation of a rest's mean beyond its white noise
+    rms_before, rms_after, rms_check : rms of the readings at rest, rad/s: as they are, less what was
+        fitted, and by fits without the rests judged
     """
 
     bias: np.ndarray
@@ -53,6 +55,9 @@ class RestFit:
     p_value: float
     p_cross: float
     excess: np.ndarray
+    rms_before: float = np.nan
+    rms_after: float = np.nan
+    rms_check: float = np.nan
 
     @property
     def visible(self) -> bool:
@@ -201,7 +206,28 @@ def fit_rests(
     statistic = np.mean([line.x[1] ** 2 for line in diagonal] / variances)
     p_value = float(stats.f.sf(statistic, 3, 3 * (count - 2)))
     excess = np.array([line.excess for line in lines])
-    return RestFit(bias, sensitivity, g_free, covariance, p_value, p_cross, excess)
+    after, held = (np.empty_like(means) for _ in range(2))
+    fold = np.arange(count) % FOLDS
+    for j in range(3):
+        columns = acceleration[:, g_free[j]]
+        design = np.c_[np.ones(count), columns]
+        after[:, j] = means[:, j] - design @ lines[j].x
+        for k in range(FOLDS):
+            out = fold == k
+            part = _line(means[~out, j], noise[~out, j], columns[~out])
+            held[out, j] = means[out, j] - design[out] @ part.x
+    return RestFit(
+        bias,
+        sensitivity,
+        g_free,
+        covariance,
+        p_value,
+        p_cross,
+        excess,
+        rms(positions.means),
+        rms(after),
+        rms(held),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -420,9 +446,14 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
         kept=keep,
         rejected=tuple(n for n, k in zip(motions.labels, keep, strict=True) if not k),
         gravity=gravity,
-        rms_before=rms(direction_errors(used, np.eye(3))),
-        rms_after=rms(errors),
-        rms_check=rms(held_out_turns(used)) if check else np.nan,
+        rms_before=fit.rms_before,
+        rms_after=fit.rms_after,
+        rms_check=fit.rms_check,
+        direction_errors=(
+            rms(direction_errors(used, np.eye(3))),
+            rms(errors),
+            rms(held_out_turns(used)) if check else np.nan,
+        ),
     )
 
 

@@ -12,8 +12,6 @@ from sensorbook import units
 from sensorbook.calibration.model import ErrorModel, parameter_names
 from sensorbook.earth import STANDARD_GRAVITY
 
-RMS_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad"}
-
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
@@ -30,9 +28,13 @@ class Calibration:
     chi_square : weighted sum of squared residuals over `dof` before that scaling: 1 where the
         samples' own noise explains them
     excess : standard deviation added to every position's, in the unit of the residuals
-    residuals : (P,) or (P, 2) of the positions or rotations that were fitted, in `rms_unit`
+    residuals : (P,) ``‖a‖ − g`` of the positions fitted, m/s²; of a gyroscope the direction error of
+        the motions fitted, rad
     kept : (P,) which of the positions offered were used; the others stand in `rejected` by name
-    rms_before, rms_after, rms_check : about nominal, fitted, and fitted without the positions judged
+    rms_before, rms_after, rms_check : ``‖a‖ − g`` as read, fitted, and fitted without the positions
+        judged, m/s²; of a gyroscope its reading at rest, rad/s
+    direction_errors : of a gyroscope, rms of the direction after a motion, rad: nominal, fitted, held
+        out
     """
 
     method: str
@@ -54,6 +56,7 @@ class Calibration:
     g_free: np.ndarray = field(default_factory=lambda: np.zeros((3, 3), dtype=bool))
     reference_temperature: float | None = None
     temperature: dict | None = None
+    direction_errors: tuple[float, float, float] | None = None
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -166,7 +169,12 @@ class Calibration:
         visible = bool(np.any(self.model.g_sensitivity))
         if gyroscope:
             std["g_sensitivity"] = shape(self.std_of("g_sensitivity"))
-        return {
+        turns = {}
+        for name, error in zip(
+            ("before", "after", "check"), self.direction_errors or (), strict=False
+        ):
+            turns[f"direction_error_{name}_deg"] = float(np.degrees(error))
+        return turns | {
             "method": self.method,
             "model": int(self.free.sum()) + 3,
             "input": self.data,
@@ -182,7 +190,6 @@ class Calibration:
             "rms_before": self.rms_before,
             "rms_after": self.rms_after,
             "rms_check": None if np.isnan(self.rms_check) else self.rms_check,
-            "rms_unit": RMS_UNITS[self.sensor],
             "positions": int(self.kept.sum()),
             "rejected": list(self.rejected),
             "unit": "rad/s" if gyroscope else "m/s^2",

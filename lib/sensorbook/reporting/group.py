@@ -22,7 +22,7 @@ from markupsafe import Markup
 from sensorbook import units
 from sensorbook.reporting.index import SYMBOLS, quantity_name, quantity_unit
 from sensorbook.reporting.render import TEMPLATES, page
-from sensorbook.reporting.results import AXES, overall
+from sensorbook.reporting.results import AXES, calibration_estimates, overall
 
 LARGEST = 64 << 20  # bytes of a results.json that is read
 USUAL = (
@@ -147,6 +147,7 @@ def _read(folder: str, found: dict[str, Any]) -> Row:
     for sensor, result in found["sensors"].items():
         for quantity in USUAL:
             _take_noise(row, str(sensor), quantity, result.get("noise", {}))
+        _take_calibration(row, str(sensor), result)
         calibration = result.get("calibration")
         for quantity in CHECKED:
             if isinstance(calibration, dict) and _finite(calibration.get(quantity)):
@@ -170,6 +171,17 @@ def _take_noise(row: Row, sensor: str, quantity: str, noise: dict[str, Any]) -> 
         value, axis, entry = max(known, key=lambda k: k[0])
         error = _error(entry["low"], entry["high"])
         row.values[sensor, quantity] = Value(value / _scale(sensor, quantity), axis, error)
+
+
+def _take_calibration(row: Row, sensor: str, result: dict[str, Any]) -> None:
+    """The largest bias and scale factor error of the axes, by size."""
+    for (quantity, axis), (value, low, high) in calibration_estimates(result).items():
+        if quantity == "misalignment" or not all(map(_finite, (value, low, high))):
+            continue
+        scale = _scale(sensor, quantity)
+        known = row.values.get((sensor, quantity))
+        if known is None or abs(value) / scale > known.value:
+            row.values[sensor, quantity] = Value(abs(value) / scale, axis, (high - low) / 2 / scale)
 
 
 def _take_check(row: Row, check: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ from sensorbook import units
 from sensorbook.notebook import duration_words
 from sensorbook.reporting.chapters import CHAPTERS
 from sensorbook.reporting.render import page
-from sensorbook.reporting.results import AXES, overall
+from sensorbook.reporting.results import AXES, calibration_estimates, overall
 
 _LINES = 6  # checks told in the banner
 THUMBNAIL_WIDTH = 560  # pixels; shown at half of it
@@ -28,6 +28,7 @@ NAMES = {
     "rate_ramp": "Rate ramp R",
     "rms_before": "Residual before the thermal model",
     "rms_after": "Residual after the thermal model",
+    "scale_factor_error": "Scale factor error",
 }
 SENSOR_NAMES = {
     ("gyroscope", "random_walk"): "Angle random walk N",
@@ -48,6 +49,7 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
             "name": sensor,
             "noise": _noise_rows(sensor, result, found["checks"]),
             "thermal": _thermal_rows(sensor, result.get("thermal", {})),
+            "calibration": _calibration(sensor, result),
         }
         for sensor, result in ordered
     ]
@@ -299,6 +301,47 @@ def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+METHODS = {
+    "six_position": "six positions",
+    "recursive": "six positions, recursive",
+    "multi_position": "many positions",
+    "rest_to_rest": "turned from rest to rest",
+}
+
+
+def _calibration(sensor: str, result: dict[str, Any]) -> dict[str, Any] | None:
+    """A calibration as a table, with a line on how it was found and what it leaves."""
+    estimates = calibration_estimates(result)
+    if not estimates:
+        return None
+    c = result["calibration"]
+    rows = []
+    for quantity in ("bias", "scale_factor_error", "misalignment"):
+        label, scale = quantity_unit(sensor, quantity)
+        cells = []
+        for (name, axes), numbers in estimates.items():
+            if name == quantity:
+                value, low, high = interval(*(n / scale for n in numbers))
+                cells.append({"axis": axes, "value": value, "interval": f"{low} … {high}"})
+        for k in range(0, len(cells), 3):
+            part = cells[k : k + 3] + [None] * (3 - len(cells[k : k + 3]))
+            rows.append({"name": quantity_name(sensor, quantity), "unit": label, "cells": part})
+    method = METHODS.get(c["method"], c["method"])
+    return {"rows": rows, "about": f"{method}, {c.get('positions', 0)} rests; {_left(sensor, c)}"}
+
+
+def _left(sensor: str, calibration: dict[str, Any]) -> str:
+    """The error before, after and held out, in words."""
+    prefix, scale, unit, what = "rms", 1e-3, "mm/s²", "length of gravity"
+    keys = ("rms_before", "rms_after", "rms_check")
+    if sensor == "gyroscope":
+        scale, unit, what = 1.0, "°", "direction after a turn"
+        keys = tuple(f"direction_error_{k}_deg" for k in ("before", "after", "check"))
+    found = [calibration.get(key) for key in keys]
+    texts = ["–" if value is None else f"{value / scale:.3g}" for value in found]
+    return f"{what} errs by {texts[0]} {unit} as recorded, {texts[1]} fitted, {texts[2]} held out ({prefix})"
 
 
 def _input_row(recording: dict[str, Any]) -> dict[str, str]:

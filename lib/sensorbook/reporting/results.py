@@ -89,7 +89,8 @@ def assemble(
             reason = {"reason": record["reason"]}
             if result_of[slug] == "calibration":
                 reason = {"method": None} | reason
-            found.setdefault(sensor, {})[result_of[slug]] = reason
+            # What another chapter could determine stands.
+            found.setdefault(sensor, {}).setdefault(result_of[slug], reason)
         inputs += [i for i in record.get("inputs", ()) if i not in inputs]
         about = {"sensor": sensor, "chapter": slug}
         told = [(w["file"], w["message"]) for w in warnings]
@@ -143,6 +144,11 @@ def csv_text(found: dict[str, Any]) -> str:
     for sensor, result in found["sensors"].items():
         stated = {"": result.get("noise", {}), **result.get("noise_methods", {})}
         stated["thermal"] = result.get("thermal", {})
+        for (quantity, axis), (value, low, high) in calibration_estimates(result).items():
+            entry = {"value": value, "low": low, "high": high}
+            method = result["calibration"]["method"]
+            row = (found["device"]["id"], sensor, axis, quantity, method)
+            writer.writerow((*row, *_csv_row(sensor, quantity, entry)))
         for method, by_axis in stated.items():
             for axis in AXES:
                 entries = by_axis.get(axis) if isinstance(by_axis, dict) else None
@@ -207,6 +213,38 @@ def merge(into: dict[str, Any], results: dict[str, Any]) -> None:
             into[key] = value
 
 
+def calibration_estimates(
+    result: dict[str, Any],
+) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Value and 95 % interval of a calibration's numbers by quantity and axis, SI.
+
+    `bias` and `scale_factor_error` have the axes x, y and z, `misalignment` the pairs that were free.
+    """
+    calibration = result.get("calibration") or {}
+    if calibration.get("matrix") is None or calibration.get("method") is None:
+        return {}
+    std, factor = calibration["std"], calibration.get("interval_factor", 1.96)
+    found = {}
+    for i, axis in enumerate(AXES):
+        value, half = calibration["bias"][i], factor * std["bias"][i]
+        found["bias", axis] = (value, value - half, value + half)
+    for i, row in enumerate(AXES):
+        for j, column in enumerate(AXES):
+            value, half = calibration["matrix"][i][j] - (i == j), factor * std["matrix"][i][j]
+            if i == j:
+                found["scale_factor_error", row] = (value, value - half, value + half)
+            elif half:
+                found["misalignment", row + column] = (value, value - half, value + half)
+    return found
+
+
+def _size(estimate: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The absolute value and its interval, which a limit is about."""
+    value, low, high = estimate
+    nearest = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
+    return abs(value), nearest, max(abs(low), abs(high))
+
+
 def checks(sensor: str, limits: dict[str, dict], result: dict[str, Any]) -> list[dict[str, Any]]:
     """Every limit of [spec.<sensor>] beside the result it is for, an axis a row, in SI units."""
     rows = []
@@ -260,7 +298,13 @@ def _estimate(
         upper = entry.get("upper_bounds", {}).get(quantity)
         if upper is not None:
             return None, 0.0, upper
-    return None, None, None
+    # Of several misalignments of an axis the largest.
+    mine = [
+        _size(estimate)
+        for (name, axes), estimate in calibration_estimates(result).items()
+        if name == quantity and axes[0] == axis
+    ]
+    return max(mine, default=(None, None, None))
 
 
 def _verdict(low: float | None, high: float | None, bound: str, limit: float) -> str:
