@@ -310,3 +310,61 @@ def test_runs_of_disjoint_temperatures_are_held_out_by_stretches():
     assert axis.model.range == (20.0, 45.0)
     # 600 blocks of 1e-3 each know the slope over 10 °C to 1.5e-5; ten times that is certain.
     assert axis.change.value == pytest.approx(0.02 * 25, abs=25 * 1.5e-4)
+
+
+# ---- cycle against cycle ----
+
+
+def cycles_of(*slopes, seed, loop=0.3):
+    """Cycles with a common hysteresis loop and correlated noise (first order, 0.9)."""
+    t = up_and_down()
+    runs = []
+    for k, slope in enumerate(slopes):
+        e = noise([seed, k], size=0.1)
+        for i in range(1, len(e)):
+            e[i] += 0.9 * e[i - 1]
+        width = np.sin(np.pi * (t - LOW) / (HIGH - LOW))
+        runs.append((t, slope * t + loop * np.sign(np.gradient(t)) * width + e))
+    return sweep_of(*runs)
+
+
+@pytest.mark.parametrize("seed", range(70, 73))
+def test_cycles_with_one_slope_repeat(seed):
+    axis = fit_thermal(cycles_of(0.2, 0.2, seed=seed)).axes[0]
+    found = axis.repeatability
+    assert found.repeatable
+    assert found.predicted
+    # Correlated noise of 0.23 over some 12 independent stretches and ±7 °C: 0.01.
+    assert found.slopes == pytest.approx([0.2, 0.2], abs=0.04)
+    assert axis.model.to_results()["degree"] == 1
+
+
+@pytest.mark.parametrize("slopes", [(0.2, -0.2), (0.2, 0.05), (-0.2, 0.02, 0.1)])
+def test_cycles_with_different_slopes_do_not_repeat(slopes):
+    fit = fit_thermal(cycles_of(*slopes, seed=74), "gyroscope")
+    entry = json.loads(json.dumps(fit.to_results(), allow_nan=False))["x"]
+    assert entry["repeatable"] is False
+    assert (
+        len(entry["repeatability"]["slopes"]) == len(entry["repeatability"]["std"]) == len(slopes)
+    )
+
+
+def test_cycles_of_opposite_slopes_leave_a_constant():
+    axis = fit_thermal(cycles_of(0.2, -0.2, seed=75)).axes[0]
+    assert axis.model.to_results()["degree"] == 0
+    assert not axis.repeatability.predicted
+
+
+def test_one_cycle_says_nothing_about_repeating():
+    fit = fit_thermal(cycles_of(0.2, seed=76), "gyroscope")
+    assert fit.axes[0].repeatability is None
+    assert fit.to_results()["x"]["repeatable"] is None
+
+
+def test_tag_repeats_on_y_and_z_only(tag):
+    _, fit = tag
+    assert [fit[a].repeatability.repeatable for a in "xyz"] == [False, True, True]
+    assert fit["x"].model.to_results()["degree"] == 0
+    # Goals in rad/s, held out by whole cycles.
+    assert fit["y"].rms_check <= 0.66e-3
+    assert fit["z"].rms_check <= 0.61e-3

@@ -12,6 +12,7 @@ from scipy import stats
 
 from sensorbook.estimate import Estimate
 from sensorbook.thermal.model import Form, ThermalModel
+from sensorbook.thermal.repeat import compare_cycles
 from sensorbook.thermal.result import Candidate, ThermalAxis, ThermalFit
 from sensorbook.thermal.sweep import Sweep
 
@@ -207,6 +208,7 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
             float(np.polyfit(problem.t[at], y[at], 1, w=problem.root[at])[0])
             for at in (sweep.run == r for r in range(len(sweep.files)))
         ),
+        repeatability=compare_cycles(sweep, y, predicted=form.size > 0),
         hysteresis=_hysteresis(sweep, residual),
         residual=residual,
         half_width=t * _spread([m.change(grid) for m in refits]),

@@ -10,6 +10,7 @@ import pandas as pd
 from sensorbook import units
 from sensorbook.estimate import Estimate
 from sensorbook.thermal.model import ThermalModel
+from sensorbook.thermal.repeat import Repeatability
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class ThermalAxis:
     jump_range : °C
     candidates : every form tried; `polynomials` holds work A's degrees 1, 3 and 5 as models
     coefficients_per_run : straight-line temperature coefficient of each run, SI/°C
+    repeatability : slopes of the cycles compared; None where there are no two to compare
     hysteresis : heating minus cooling: largest difference, where (°C), its standard error; None
         where the record does not hold both
     residual : (M,) block means minus model
@@ -56,6 +58,7 @@ class ThermalAxis:
     candidates: tuple[Candidate, ...]
     polynomials: dict[int, ThermalModel]
     coefficients_per_run: tuple[float, ...]
+    repeatability: Repeatability | None
     hysteresis: tuple[float, float, float] | None
     residual: np.ndarray
     half_width: np.ndarray
@@ -99,6 +102,8 @@ class ThermalFit:
                     {"file": f, "offset": o, "temperature_coefficient": c}
                     for f, o, c in zip(self.files, a.offsets, a.coefficients_per_run, strict=True)
                 ],
+                "repeatable": a.repeatability and a.repeatability.repeatable,
+                "repeatability": a.repeatability and a.repeatability.to_results(),
                 "hysteresis": a.hysteresis
                 and dict(zip(("value", "temperature", "std"), a.hysteresis, strict=True)),
             }
