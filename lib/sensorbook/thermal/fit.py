@@ -208,11 +208,16 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
             float(np.polyfit(problem.t[at], y[at], 1, w=problem.root[at])[0])
             for at in (sweep.run == r for r in range(len(sweep.files)))
         ),
-        repeatability=compare_cycles(sweep, y, predicted=form.size > 0),
+        repeatability=compare_cycles(sweep, y, form.size > 0 or _better(errors, "degree 1")),
         hysteresis=_hysteresis(sweep, residual),
         residual=residual,
         half_width=t * _spread([m.change(grid) for m in refits]),
     )
+
+
+def _better(errors: dict[str, np.ndarray], name: str) -> bool:
+    """Whether a candidate's held-out error is smaller than that of a constant."""
+    return bool(np.nanmean(errors[name]) < np.nanmean(errors["degree 0"]))
 
 
 def _choose(errors: dict[str, np.ndarray], forms: dict[str, Form]) -> str:

@@ -27,7 +27,8 @@ class Repeatability:
     probability : of slopes so far apart if all cycles had one slope (F test of their scatter about
         the weighted mean against their standard errors)
     visible : some cycle's slope differs from zero (t test at 1 % over all cycles)
-    predicted : the model chosen by leaving out whole cycles is more than a constant
+    predicted : the chosen model is more than a constant, or a straight line errs less than a constant
+        on cycles left out
     """
 
     slopes: tuple[float, ...]
