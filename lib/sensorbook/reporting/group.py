@@ -180,8 +180,9 @@ def _take_calibration(row: Row, sensor: str, result: dict[str, Any]) -> None:
             continue
         scale = _scale(sensor, quantity)
         known = row.values.get((sensor, quantity))
-        if known is None or abs(value) / scale > known.value:
-            row.values[sensor, quantity] = Value(abs(value) / scale, axis, (high - low) / 2 / scale)
+        if known is None or abs(value) / scale > known.number:
+            size = abs(value) / scale
+            row.values[sensor, quantity] = Value(size, axis, _error(*sorted((abs(low), abs(high)))))
 
 
 def _take_check(row: Row, check: dict[str, Any]) -> None:
