@@ -70,17 +70,20 @@ def compare_cycles(sweep: Sweep, y: np.ndarray, predicted: bool) -> Repeatabilit
 
     `predicted` says whether a model fitted to the other cycles beats a constant on a cycle it has not seen.
 
-    None where there is one cycle, or where cycles share less than half of the temperature range of
-    any of them: a curved dependence would then pass for a change.
+    None where there is one cycle, one of fewer than 24 blocks, or where cycles share less than half of
+    the temperature range of any of them: a curved dependence would then pass for a change.
     """
     cycles = [sweep.run == r for r in range(len(sweep.files))]
-    if len(cycles) < 2:
+    least = 2 * STRETCHES  # blocks
+    if len(cycles) < 2 or min(c.sum() for c in cycles) < least:
         return None
     t = sweep.temperature
     low, high = max(t[c].min() for c in cycles), min(t[c].max() for c in cycles)
     if high - low < 0.5 * max(np.ptp(t[c]) for c in cycles):
         return None
     shared = (t >= low) & (t <= high)
+    if min((c & shared).sum() for c in cycles) < least:
+        return None
     found = [_slope(t[m], y[m], sweep.weight[m]) for m in (c & shared for c in cycles)]
     slopes, std = (np.array(v) for v in zip(*found, strict=True))
     tiny = 1e-12 * max(np.abs(slopes).max(), np.finfo(float).tiny)  # exact data have no scatter
