@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
+from sensorbook.calibration.model import ErrorModel
 from sensorbook.recordings import Recording
 from sensorbook.thermal import ThermalModel
 
+CHUNK = 1 << 16  # samples whose own matrices are held at once
 EDGE = 0.1  # °C beyond the calibrated range that does not count as outside; thermometers err by it
 SMOOTHING = (
     30.0  # s; a die follows its housing no faster, and thermometer noise stays out of the signal
@@ -33,16 +35,13 @@ def remove_thermal(recording: Recording, thermal: dict | None) -> tuple[Recordin
         )
     if recording.temperature is None:
         return recording, "The record holds no temperature: it stays as it is, uncompensated.", ""
-    width = max(1, round(SMOOTHING * (recording.rate or 1.0)))
-    temperature, known = recording.temperature, np.isfinite(recording.temperature)
-    if not known.any():
+    if not np.isfinite(recording.temperature).any():
         return (
             recording,
             "The record's temperature is missing throughout: it stays uncompensated.",
             "",
         )
-    temperature = np.interp(recording.time, recording.time[known], temperature[known])
-    smooth = ndimage.uniform_filter1d(temperature, width, mode="nearest")
+    smooth = _smoothed_temperature(recording)
     values = np.array(recording.values)
     outside = np.zeros(len(values), dtype=bool)
     for i, axis in enumerate("xyz"):
@@ -62,3 +61,96 @@ def remove_thermal(recording: Recording, thermal: dict | None) -> tuple[Recordin
             "model's range; there the value at its edge is subtracted, and what changes beyond it stays."
         )
     return replace(recording, values=values), text, warning
+
+
+def correct(
+    recording: Recording, result: dict, acceleration: np.ndarray | None = None
+) -> tuple[Recording, list[str], list[str], list[str]]:
+    """The recording corrected with what was found: thermal model first, then the calibration.
+
+    Parameters
+    ----------
+    recording : raw, SI
+    result : `sensors.<sensor>` of results.json
+    acceleration : (N, 3) m/s², corrected, of the same samples, for a gyroscope's sensitivity to it
+
+    Returns
+    -------
+    recording : corrected; NaN on all axes where one is missing
+    steps : what was done, in words; empty where there is nothing to do
+    notes : what to know about it
+    reasons : why something was not done
+    """
+    steps, notes, reasons = [], [], []
+    thermal, calibration = result.get("thermal"), result.get("calibration") or {}
+    if thermal and "reason" in thermal:
+        reasons.append(f"no thermal model: {thermal['reason']}")
+    elif thermal:
+        before = recording
+        recording, sentence, warning = remove_thermal(recording, thermal)
+        if recording is before:
+            notes.append(sentence)
+        else:
+            steps.append("thermal model")
+        if warning:
+            notes.append(warning)
+    if calibration.get("method") is None:
+        reasons.append(f"no calibration: {calibration.get('reason', 'none was recorded')}")
+    elif "soft_iron" in calibration:
+        free = recording.values - calibration["hard_iron"]
+        values = free @ np.transpose(calibration["soft_iron"])
+        recording, name = replace(recording, values=values), calibration["method"]
+        steps.append(f"hard and soft iron ({name.replace('_', ' ')})")
+    else:
+        recording, more = _undistort(recording, calibration, acceleration)
+        notes += more
+        steps.append(f"calibration ({calibration['method'].replace('_', ' ')})")
+    return recording, steps, notes, reasons
+
+
+def _undistort(recording: Recording, calibration: dict, acceleration: np.ndarray | None):
+    """The exact inverse of the deterministic error model, and what to know about it."""
+    notes = []
+    model = ErrorModel.from_results(calibration)
+    if not model.g_sensitivity.any():
+        acceleration = None
+    elif acceleration is None:
+        notes.append(
+            "its sensitivity to acceleration is left in, as the file has no corrected accelerometer beside it"
+        )
+    entry = calibration.get("temperature")
+    if not entry or recording.temperature is None:
+        if entry:
+            notes.append(
+                "the file holds no temperature: the calibration at the reference one is used"
+            )
+        return replace(recording, values=model.correct(recording.values, acceleration)), notes
+    low, high = entry["range"]
+    warmth = _smoothed_temperature(recording)
+    outside = (warmth < low - EDGE) | (warmth > high + EDGE)
+    if outside.any():
+        notes.append(
+            f"for {100 * outside.mean():.0f} % of the file the temperature is outside the calibrated "
+            f"{low:.1f} … {high:.1f} °C; there the calibration at the edge is used"
+        )
+    step = np.clip(warmth, low, high) - calibration["reference_temperature"]
+    values = np.empty_like(recording.values)
+    for start in range(0, len(values), CHUNK):
+        part = slice(start, start + CHUNK)
+        powers = step[part, None] ** np.arange(1, entry["degree"] + 1)
+        matrix = model.matrix + np.einsum("nk,kij->nij", powers, entry["matrix_coefficients"])
+        bias = model.bias + powers @ np.array(entry["bias_coefficients"])
+        if acceleration is not None:
+            bias = bias + acceleration[part] @ model.g_sensitivity.T
+        values[part] = np.linalg.solve(matrix, (recording.values[part] - bias)[..., None])[..., 0]
+    return replace(recording, values=values), notes
+
+
+def _smoothed_temperature(recording: Recording) -> np.ndarray:
+    """(N,) °C, missing values bridged, thermometer noise smoothed away."""
+    width = (
+        round(SMOOTHING * (recording.rate or 1.0)) | 1
+    )  # odd, or it would shift by half a sample
+    known = np.isfinite(recording.temperature)
+    bridged = np.interp(recording.time, recording.time[known], recording.temperature[known])
+    return ndimage.uniform_filter1d(bridged, width, mode="nearest")

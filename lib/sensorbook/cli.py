@@ -139,6 +139,23 @@ def _export(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _apply(arguments: argparse.Namespace) -> int:
+    from sensorbook.apply_file import apply_file
+
+    if arguments.columns and not arguments.sensor:
+        print("sensorbook apply: --columns goes with --sensor", file=sys.stderr)
+        return 2
+    applied = apply_file(
+        arguments.results, arguments.file, arguments.output, arguments.sensor, arguments.columns
+    )
+    for warning in applied.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    for line in applied.done:
+        print(line)
+    print(f"{arguments.output}: written")
+    return 0
+
+
 def _compare(arguments: argparse.Namespace) -> int:
     from sensorbook.compare import compare, table
     from sensorbook.export.source import read_results
@@ -258,6 +275,23 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument(
         "-o", "--output", metavar="FILE", help="file to write; default: standard output"
     )
+    apply = command(
+        "apply",
+        _apply,
+        "correct a raw recording with the calibration found, in its own table and unit",
+        "sensorbook apply reports/imu-7/results.json log.csv -o corrected.csv",
+    )
+    apply.add_argument("results", metavar="RESULTS.json", help="results.json of the device")
+    apply.add_argument("file", metavar="FILE", help="raw recording, as those of the device")
+    apply.add_argument("-o", "--output", required=True, metavar="FILE", help="file to write")
+    apply.add_argument(
+        "--sensor", choices=("accelerometer", "gyroscope", "magnetometer"), help="this sensor alone"
+    )
+    apply.add_argument(
+        "--columns", type=_columns, metavar="x=…,y=…,z=…",
+        help="its columns, where not those of the device's recordings; temperature=…, time=… too",
+    )  # fmt: skip
+
     compare = command(
         "compare",
         _compare,
@@ -275,6 +309,15 @@ def _seed(text: str) -> int:
     if not text.isdigit():
         raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0")
     return int(text)
+
+
+def _columns(text: str) -> dict[str, str]:
+    pairs = [part.partition("=") for part in text.split(",")]
+    found = {key.strip(): name.strip() for key, _, name in pairs}
+    unknown = set(found) - {"x", "y", "z", "temperature", "time"}
+    if unknown or not {"x", "y", "z"} <= set(found) or not all(found.values()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not x=…,y=…,z=… (temperature=…, time=…)")
+    return found
 
 
 def _count(text: str) -> int:

@@ -69,7 +69,7 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
 
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is no number, either
         values = np.stack(
-            [_in_si(column, k, sensor, declaration) for k, column in enumerate(raw)], axis=1
+            [in_si(column, k, sensor, declaration) for k, column in enumerate(raw)], axis=1
         )
     values[~np.isfinite(values)] = np.nan
     time, start, rate = _time_base(clock, declaration.get("rate"), len(values))
@@ -205,7 +205,8 @@ def _column_fault(column: np.ndarray, sensor: str) -> tuple[str, str] | None:
     return None
 
 
-def _in_si(column: np.ndarray, axis: int, sensor: str, declaration: dict) -> np.ndarray:
+def in_si(column: np.ndarray, axis: int, sensor: str, declaration: dict) -> np.ndarray:
+    """(N,) a column as recorded → SI, by the declaration's unit and scale."""
     if sensor == "reference":
         return column.astype(np.float64)
     unit = declaration.get("unit", "degC" if sensor == "temperature" else "")
@@ -216,6 +217,15 @@ def _in_si(column: np.ndarray, axis: int, sensor: str, declaration: dict) -> np.
         values = (values - _of_axis(scale.get("offset", 0), axis)) * _of_axis(scale["factor"], axis)
         unit = scale["unit"]
     return to_si(values, unit, si)
+
+
+def as_recorded(values: np.ndarray, axis: int, sensor: str, declaration: dict) -> np.ndarray:
+    """The inverse of `in_si`: (N,) SI → the declaration's unit; counts keep their fractions."""
+    unit, scale = declaration.get("unit", ""), declaration.get("scale", {})
+    if unit != "counts":
+        return values / factor(unit, SENSOR_UNITS[sensor])
+    steps = values / factor(scale["unit"], SENSOR_UNITS[sensor]) / _of_axis(scale["factor"], axis)
+    return steps + _of_axis(scale.get("offset", 0), axis)
 
 
 def _of_axis(value, axis: int) -> float:

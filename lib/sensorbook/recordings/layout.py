@@ -15,7 +15,7 @@ from sensorbook.units import UnitError, factor
 DELIMITERS = (",", ";", "\t", "|", r"\s+")
 COMMENT = ("#", "%")
 PREAMBLE = 20  # lines before a table that are looked at
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d.*)?")
 _MISSING = {"", "na", "n/a", "null", "none", "-", "nan"}
@@ -100,7 +100,7 @@ def _first_of_table(data: list[int], rows: list[list[str]], width: int) -> int:
 
 
 def is_header(cells: list[str]) -> bool:
-    return all(not _NUMBER.fullmatch(cell) for cell in cells) and any(cells)
+    return all(not NUMBER.fullmatch(cell) for cell in cells) and any(cells)
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -120,7 +120,7 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 def _numeric_share(cells: list[str], delimiter: str) -> float:
     """Share of the cells that hold a number, a time stamp or nothing; 0 where none holds one."""
     numbers = sum(
-        bool(_NUMBER.fullmatch(c) or _STAMP.fullmatch(c))
+        bool(NUMBER.fullmatch(c) or _STAMP.fullmatch(c))
         or (delimiter != "," and bool(_DECIMAL_COMMA.fullmatch(c)))
         for c in cells
     )

@@ -176,7 +176,7 @@ def open_table(
     table : which table, variable or array of the file, where it holds several
     wanted : names of columns expected, which help to tell the header from a line of units
     """
-    source, reader = _source(path, file or path.name)
+    source, reader = source_of(path, file or path.name)
     opened = reader.open_table(source, table, wanted)
     opened.sha256 = source.sha256()
     return opened
@@ -184,11 +184,11 @@ def open_table(
 
 def table_names(path: Path, file: str = "") -> tuple[str, ...]:
     """What `table` may be for this file; () where it is a single table."""
-    source, reader = _source(path, file or path.name)
+    source, reader = source_of(path, file or path.name)
     return reader.table_names(source)
 
 
-def _source(path: Path, file: str) -> tuple[Source, ModuleType]:
+def source_of(path: Path, file: str) -> tuple[Source, ModuleType]:
     """The file and the module that reads its format."""
     try:
         with path.open("rb") as stream:

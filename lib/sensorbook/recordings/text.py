@@ -5,13 +5,21 @@ from __future__ import annotations
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import BinaryIO
 
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.layout import COMMENT, PREAMBLE, Layout, cells_of, find_layout, is_header
+from sensorbook.recordings.layout import (
+    COMMENT,
+    NUMBER,
+    PREAMBLE,
+    Layout,
+    cells_of,
+    find_layout,
+    is_header,
+)
 from sensorbook.recordings.tables import HEAD_BYTES, Source, Table, extended
 
 _ROWS = 1 << 16  # rows parsed at one go
@@ -122,6 +130,88 @@ class _Text:
         self.delimiters -= "".join(before).count(layout.delimiter) if sign else 0
         if tail and not tail.endswith((b"\n", b"\r", b"\0")):
             _check_end(self.source, tail.decode(self.encoding, "replace"), line, layout)
+
+
+def rewrite(
+    source: Source, wanted: Sequence[str | int], columns: Mapping[int, np.ndarray], out
+) -> None:
+    """Writes the text again with some columns' numbers replaced, every other character as it was.
+
+    Parameters
+    ----------
+    wanted : as for `open_table`
+    columns : by 0-based index (N,) numbers; a cell that held no number stays as it is, and a number
+        that is NaN leaves its cell empty
+    out : binary stream
+
+    Raises
+    ------
+    InputError : the text has columns of fixed width, which a new number may not fit
+    """
+    text = _Text.of(source)
+    lines = text.head.splitlines()
+    layout = find_layout(lines, [w for w in wanted if isinstance(w, str)])
+    if layout.edges:
+        raise source.wrong("has columns of fixed width, which corrected numbers may not fit",
+                           "name an output that ends in .parquet or .npz")  # fmt: skip
+    row, order = 0, sorted(columns)
+    with text.open() as stream:
+        for number, line in enumerate(stream):
+            decoded = line.decode(text.encoding, "surrogateescape")
+            if number >= layout.skip and cells_of(decoded, layout.delimiter):
+                new = [columns[k][row] for k in order]
+                decoded = _replaced(decoded, layout, dict(zip(order, new, strict=True)))
+                row += 1
+            out.write(decoded.encode(text.encoding, "surrogateescape"))
+    if order and row != len(columns[order[0]]):
+        raise source.wrong(f"has {row} lines of numbers where {len(columns[order[0]])} were read",
+                           "write one sample a line, without line breaks in cells")  # fmt: skip
+
+
+def _replaced(line: str, layout: Layout, values: dict[int, float]) -> str:
+    """A line with the cells of these columns replaced."""
+    delimiter = layout.delimiter
+    if len(delimiter) == 1 and '"' not in line:
+        body = line.rstrip("\r\n")
+        cells = body.split(delimiter)
+        for k, value in values.items():
+            if k < len(cells):
+                old = cells[k].strip()
+                cells[k] = (
+                    cells[k].replace(old, _number(old, value, layout.decimal)) if old else cells[k]
+                )
+        return delimiter.join(cells) + line[len(body) :]
+    for k, (start, end) in reversed(list(enumerate(_spans(line, delimiter)))):
+        if k in values:
+            line = line[:start] + _number(line[start:end], values[k], layout.decimal) + line[end:]
+    return line
+
+
+def _number(old: str, value: float, decimal: str) -> str:
+    """The new text of a cell: nine digits; what was no number stays, and NaN is an empty cell."""
+    if not NUMBER.fullmatch(old.replace(",", ".")) or old.lower().endswith("nan"):
+        return old
+    return "" if np.isnan(value) else f"{value:.9g}".replace(".", decimal)
+
+
+def _spans(line: str, delimiter: str) -> list[tuple[int, int]]:
+    """Start and end of each cell's text in a line, without blanks and quotes around it."""
+    body = line.rstrip("\r\n")
+    if delimiter == r"\s+":
+        parts = [m.span() for m in re.finditer(r"\S+", body)]
+    else:
+        parts, start, quoted = [], 0, False
+        for place, character in enumerate(body + delimiter):
+            quoted ^= character == '"'
+            if character == delimiter and not quoted:
+                parts.append((start, place))
+                start = place + 1
+    inner = []
+    for a, b in parts:
+        cell = body[a:b]
+        a += len(cell) - len(cell.lstrip(' \t"'))
+        inner.append((a, max(a, a + len(cell.strip(' \t"')))))
+    return inner
 
 
 class _Uncommented(io.RawIOBase):
