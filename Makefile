@@ -7,12 +7,12 @@ BIN := .venv/bin
 .PHONY: report test lab bench format
 .DELETE_ON_ERROR:
 
-report: .venv/.installed data/ahrs-demo/device.toml
-	$(BIN)/sensorbook report data/ahrs-demo --out reports
+report: .venv/.installed data/ahrs-demo/device.toml data/positions-demo/device.toml
+	$(BIN)/sensorbook report data/ahrs-demo data/positions-demo --out reports
 	@echo "Open $(CURDIR)/reports/index.html"
 
-data/ahrs-demo/device.toml: | .venv/.installed
-	$(BIN)/sensorbook simulate data/ahrs-demo
+data/%-demo/device.toml: | .venv/.installed
+	$(BIN)/sensorbook simulate data/$*-demo --preset $*
 
 test: .venv/.installed-for-tests
 	$(BIN)/ruff check

@@ -129,10 +129,7 @@ def test_any_calibration_and_unit(tmp_path, off, bias, unit):
     a, _ = truth(50, 2)
     scale = {"factor": [2e-3, 1e-3, 5e-4], "offset": 100, "unit": "m/s^2"}
     raw = model.distort(a)
-    if unit == "counts":
-        raw = raw / scale["factor"] + 100
-    else:
-        raw = raw / factor(unit, "m/s^2")
+    raw = raw / scale["factor"] + 100 if unit == "counts" else raw / factor(unit, "m/s^2")
     pd.DataFrame(raw, columns=["ax", "ay", "az"]).to_csv(
         tmp_path / "log.csv", index=False, float_format="%.15g"
     )
