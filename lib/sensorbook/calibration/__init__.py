@@ -5,8 +5,10 @@ from __future__ import annotations
 from sensorbook.calibration.find import find_faces, find_positions, require_gyroscope
 from sensorbook.calibration.known_directions import recursive, six_position
 from sensorbook.calibration.model import ErrorModel
+from sensorbook.calibration.motions import Directions, all_motions
 from sensorbook.calibration.multi_position import multi_position
-from sensorbook.calibration.rest_to_rest import Directions, all_motions, fit_rests, rest_to_rest
+from sensorbook.calibration.rest_fit import fit_rests
+from sensorbook.calibration.rest_to_rest import rest_to_rest
 from sensorbook.calibration.result import Calibration
 from sensorbook.earth import STANDARD_GRAVITY
 

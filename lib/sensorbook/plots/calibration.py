@@ -11,7 +11,7 @@ from sensorbook import units
 from sensorbook.calibration.coverage import COVERED, STANDARD
 from sensorbook.calibration.find import Found
 from sensorbook.calibration.positions import Positions
-from sensorbook.calibration.rest_to_rest import RestFit
+from sensorbook.calibration.rest_fit import RestFit
 from sensorbook.calibration.result import Calibration
 from sensorbook.calibration.temperature import TemperatureFit
 from sensorbook.plots.style import COLOURS, GREY, SECOND, THIRD, grid, new_axes, new_row
