@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from sensorbook import InputError, cli
 from sensorbook.export import export, write
-from sensorbook.export.kalibr import _number
+from sensorbook.export.source import yaml_number
 from sensorbook.reporting.results import SCHEMA
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -174,7 +174,7 @@ def test_update_rate_is_the_higher_of_the_longest_rests(exported):
 @settings(max_examples=200, deadline=None)
 @given(value=st.floats(min_value=1e-300, max_value=1e300))
 def test_every_number_is_a_number_in_yaml(value):
-    assert yaml.safe_load(f"key: {_number(value)}  # comment") == {"key": value}
+    assert yaml.safe_load(f"key: {yaml_number(value)}  # comment") == {"key": value}
 
 
 @pytest.fixture(scope="module")

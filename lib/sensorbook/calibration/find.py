@@ -26,6 +26,7 @@ from sensorbook.recordings.recording import Recording
 
 IN_MOTION = 5.0  # times the scatter of the quietest rests: a labelled rest that was none
 TILTED = 20.0  # degrees: farther from a face, and a rest is none of the six
+RESOLVED = 4  # values in a typical rest: fewer, and the converter is coarser than the noise
 SATURATED = 0.2  # share of a rest's samples at the recording's very extreme
 ALIKE = 1.1  # times the smallest residual is as good as that
 KEPT = 0.8  # of the most rests that any threshold finds: fewer, and a small residual is no merit
@@ -346,10 +347,19 @@ def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep)
 
 
 def _saturated(positions: Positions, runs) -> dict[int, str]:
-    """Rests at the end of the range: an extreme that is reached elsewhere, too, and never passed."""
+    """Rests at the end of the range: an extreme that is reached elsewhere, too, and never passed.
+
+    A converter coarser than the noise reads one or two values in every rest, which says nothing.
+    """
     found = {}
+    if not len(positions):
+        return found
+    resolved = [
+        np.median([len(np.unique(s[:, axis])) for s in positions.samples]) >= RESOLVED
+        for axis in range(3)
+    ]
     for r, run in enumerate(runs):
-        for axis in range(3):
+        for axis in np.flatnonzero(resolved):
             column = run.values[:, axis]
             for extreme in (column.max(), column.min()):
                 places = np.flatnonzero(np.diff(np.r_[False, column == extreme].astype(int)) == 1)

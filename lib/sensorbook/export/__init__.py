@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.export import allan_csv, kalibr
+from sensorbook.export import allan_csv, c_header, calibration_yaml, kalibr
 from sensorbook.export.source import read_results
 from sensorbook.reporting.tree import Tree
 
 FORMATS = {  # name: makes the file's text from the results
     "kalibr": kalibr.render,
     "allan-csv": allan_csv.render,
+    "yaml": calibration_yaml.render,
+    "c-header": c_header.render,
 }
 
 

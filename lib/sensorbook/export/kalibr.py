@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sensorbook.errors import InputError
-from sensorbook.export.source import Entry
+from sensorbook.export.source import Entry, yaml_number
 from sensorbook.noise.discrete import discrete_values
 from sensorbook.noise.model import NoiseTerms
 from sensorbook.units import si_unit
@@ -74,7 +74,7 @@ def render(results: Entry) -> str:
     text = HEAD.format(
         device=device,
         rates=", ".join(f"{sensor} {value:.10g} Hz" for sensor, value in rates.items()),
-        rate=_number(rate),
+        rate=yaml_number(rate),
     )
     for (sensor, key), strength in found.items():
         term, formula = KEYS[key]
@@ -85,7 +85,7 @@ def render(results: Entry) -> str:
             discrete=discrete_values(NoiseTerms(**{term: strength.value}), rate)[term],
             unit_d=si_unit(sensor),
             key=f"{sensor}_{key}",
-            value=_number(strength.value),
+            value=yaml_number(strength.value),
             unit=si_unit(sensor, term),
             what=strength.what,
         )
@@ -147,9 +147,3 @@ def _strength(noise: Entry, sensor: str, term: str) -> _Strength:
     axis = max(known, key=known.get)
     what = f"axis {axis}" if values else f"not visible: 95 % upper bound, axis {axis}"
     return _Strength(known[axis], what, ", ".join(axes))
-
-
-def _number(value: float) -> str:
-    """A float that YAML reads as the same float: 1e-05 without a point would be text."""
-    mantissa, e, exponent = repr(value).partition("e")
-    return mantissa + (".0" if "." not in mantissa else "") + e + exponent

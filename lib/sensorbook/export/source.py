@@ -51,6 +51,19 @@ class Entry:
             raise self.wrong(f"{shown(self.value)} is not a list")
         return [Entry(self.file, f"{self.key}[{i}]", v) for i, v in enumerate(self.value)]
 
+    def number(self) -> float:
+        """A finite number of either sign."""
+        if not finite(self.value):
+            raise self.wrong(f"{shown(self.value)} is not a finite number")
+        return float(self.value)
+
+    def array(self, *shape: int) -> list[Any]:
+        """Nested lists of finite numbers; each list has the length that `shape` gives it."""
+        items = self.items()
+        if len(items) != shape[0]:
+            raise self.wrong(f"has {len(items)} entries, not {shape[0]}")
+        return [item.array(*shape[1:]) if shape[1:] else item.number() for item in items]
+
     def magnitude(self) -> float:
         """A finite number that is not negative, as all of a noise analysis are."""
         if not finite(self.value) or self.value < 0:
@@ -65,6 +78,12 @@ class Entry:
     def wrong(self, message: str, mend: str = AGAIN) -> InputError:
         """What to raise where this entry cannot serve."""
         return InputError(Problem(self.file, self.key, message, mend))
+
+
+def yaml_number(value: float) -> str:
+    """A float that YAML reads as the same float: 1e-05 without a point would be text."""
+    mantissa, e, exponent = repr(value).partition("e")
+    return mantissa + (".0" if "." not in mantissa else "") + e + exponent
 
 
 def read_results(path: str | Path) -> Entry:
