@@ -270,7 +270,8 @@ def _parser() -> argparse.ArgumentParser:
         "--format",
         required=True,
         metavar="NAME",
-        help="kalibr: imu.yaml of both inertial sensors; allan-csv: the Allan curves as a table",
+        help="yaml or c-header: calibrations and thermal models, for other software or firmware; "
+        "kalibr: imu.yaml of both inertial sensors; allan-csv: the Allan curves as a table",
     )
     export.add_argument(
         "-o", "--output", metavar="FILE", help="file to write; default: standard output"
