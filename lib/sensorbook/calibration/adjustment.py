@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import optimize, stats
 
-SIGNIFICANCE = 0.003  # that any position of a good set is rejected
+SIGNIFICANCE = 0.001  # that any position of a good set is rejected
 
 
 def paule_mandel(chi_square_of: Callable[[float], float], dof: int, scale: float) -> float:
