@@ -22,11 +22,10 @@ MENDS = {
 SWEEP = 'record a rest through a sweep of temperature (kind = "thermal") and render the report'
 
 THERMAL = (
-    "Thermal model of axis x, others alike: B(T) = sum over k = 0, 1 ... of"
-    " thermal_x_coefficients[i][k] * (T - thermal_x_reference_temperature)^k",
-    "in the range i that T lies in; outside the ranges the value at their edge holds.",
-    "Before anything else, subtract B(T) - B(thermal_x_reference_temperature) from a raw reading,"
-    " never B(T) itself.",
+    "Thermal model of axis x, others alike: B(T) = sum over k = 0, 1 ... of",
+    "thermal_x_coefficients[i][k] * (T - thermal_x_reference_temperature)^k in the range i that T",
+    "lies in; outside the ranges the value at their edge holds. Before anything else, subtract",
+    "B(T) - B(thermal_x_reference_temperature) from a raw reading, never B(T) itself.",
 )
 
 _PLAIN = str.maketrans(
@@ -82,9 +81,9 @@ def read_calibration(results: Entry) -> DeviceCalibration:
     ------
     InputError : with what is wrong in each part; or where no sensor has numbers, with what to record
     """
-    problems, refusals, found, head = [], [], [], None
+    problems, refusals, found, head = [], [], [], ()
     try:
-        device, head = results.at("device"), _head(results)
+        head = _head(results)
     except InputError as error:
         problems += error.problems
     sensors = results.at("sensors")
@@ -96,11 +95,10 @@ def read_calibration(results: Entry) -> DeviceCalibration:
         ):
             try:
                 entry = sensors.get(sensor).get(part)
-                name = "Thermal model" if part == "thermal" else "Calibration"
                 if entry.value is None:
                     continue
                 if (reason := entry.get("reason")).value is not None:
-                    notes.append(f"{name} refused: {reason.text()}")
+                    notes.append(f"{part.capitalize()} refused: {reason.text()}")
                     refusals += entry.wrong(f"was refused: {reason.text()}", mend).problems
                     continue
                 more_notes, more_values = read(entry, unit)
@@ -115,7 +113,7 @@ def read_calibration(results: Entry) -> DeviceCalibration:
     if not any(one.values for one in found):
         none = sensors.wrong("no sensor has a calibration or a thermal model", POSITIONS)
         raise InputError(*refusals) if refusals else none
-    return DeviceCalibration(inert(device.at("id").text()), head, tuple(found))
+    return DeviceCalibration(inert(results.at("device", "id").text()), head, tuple(found))
 
 
 def _head(results: Entry) -> tuple[str, ...]:
