@@ -270,7 +270,7 @@ def _parser() -> argparse.ArgumentParser:
         "--format",
         required=True,
         metavar="NAME",
-        help="yaml or c-header: calibrations and thermal models, for other software or firmware; "
+        help="yaml: calibrations and thermal models; c-header: the same for C and C++; "
         "kalibr: imu.yaml of both inertial sensors; allan-csv: the Allan curves as a table",
     )
     export.add_argument(
