@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -15,6 +16,7 @@ from sensorbook.calibration.rest_fit import RestFit
 from sensorbook.calibration.result import Calibration
 from sensorbook.calibration.temperature import TemperatureFit
 from sensorbook.plots.style import COLOURS, GREY, SECOND, THIRD, grid, new_axes, new_row
+from sensorbook.recordings.recording import Recording
 
 METHODS = {
     "six_position": ("SPS", SECOND, "s"),
@@ -25,28 +27,40 @@ METHODS = {
 MOST_POINTS = 6000  # of a line; more only fill pixels again
 
 
-def plot_rests(found: Found, run: int = 0, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-    """Scatter over time against the threshold, with the rests that were found shaded.
+def plot_rests(
+    found: Found, recording: Recording, run: int = 0, axes: Sequence[Axes] | None = None
+) -> Sequence[Axes]:
+    """The signal with the rests shaded, and below it the scatter against the threshold.
 
-    The gyroscope's scatter stands beside the accelerometer's where it was recorded.
+    Parameters
+    ----------
+    recording : that the rests were found in, number `run` of `found`
     """
-    axes = new_row(1, width=8.6, height=3.2) if axes is None else axes
-    a = axes[0]
+    if axes is None:
+        _, axes = plt.subplots(2, 1, figsize=(8.6, 4.6), layout="constrained", sharex=True)
+    signal, quiet = axes
+    label, si = units.field_unit(recording.sensor, "signal")
+    every = max(1, len(recording) // MOST_POINTS)
+    for k, axis in enumerate("xyz"):
+        values = recording.values[::every, k] / si
+        signal.plot(recording.time[::every], values, color=COLOURS[axis], lw=0.7, label=axis)
+    signal.set_ylabel(f"{recording.sensor} [{label}]")
     for scatter, colour in zip(found.scatters[run], ("#0072B2", SECOND), strict=False):
         every = max(1, len(scatter.time) // MOST_POINTS)
         # The largest of what is left out, so that no peak is lost.
         count = len(scatter.ratio) // every * every
         peaks = scatter.ratio[:count].reshape(-1, every).max(axis=1)
-        a.plot(scatter.time[:count:every], peaks, color=colour, lw=0.7, label=scatter.sensor)
+        quiet.plot(scatter.time[:count:every], peaks, color=colour, lw=0.7, label=scatter.sensor)
     if found.threshold is not None:
-        a.axhline(found.threshold, color="black", ls="--", lw=0.9, label="threshold")
-    for k, (start, end) in enumerate(found.positions.spans[found.positions.runs == run]):
-        a.axvspan(start, end, color="#009E73", alpha=0.22, lw=0, label=None if k else "rest")
-    a.set_yscale("log")
-    a.set_xlabel("time [s]")
-    a.set_ylabel("scatter over 0.5 s,\ntimes that of the initial rest")
-    a.legend(fontsize=8, ncols=4, loc="upper right")
-    grid(a)
+        quiet.axhline(found.threshold, color="black", ls="--", lw=0.9, label="threshold")
+    for a in axes:
+        for k, (start, end) in enumerate(found.positions.spans[found.positions.runs == run]):
+            a.axvspan(start, end, color="#009E73", alpha=0.22, lw=0, label=None if k else "rest")
+        grid(a)
+        a.legend(fontsize=8, ncols=4, loc="upper right")
+    quiet.set_yscale("log")
+    quiet.set_xlabel("time [s]")
+    quiet.set_ylabel("scatter over 0.5 s,\ntimes the initial rest's")
     return axes
 
 
