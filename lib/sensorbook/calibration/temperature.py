@@ -64,60 +64,57 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
     positions : with temperatures, at several of them (`several_temperatures`)
 
     No position is set aside: what does not fit one temperature may fit another. The degree is the
-    simplest whose error on whole recordings left out is within two standard
-    errors of the best. A recording left out counts where the others cover its temperature.
+    simplest whose error on whole recordings left out is within two standard errors of the best. A
+    recording left out counts where the others cover its temperature.
     """
-    used = positions
-    low, high = float(used.temperature.min()), float(used.temperature.max())
-    reference = round(float(used.temperature.mean()), 1)
+    warmth = positions.temperature
+    low, high = float(warmth.min()), float(warmth.max())
+    reference = round(float(warmth.mean()), 1)
     half = max(high - reference, reference - low)
-    scaled = (used.temperature - reference) / half
-    levels = len(np.unique(np.round(used.temperature / SAME)))
+    scaled = (warmth - reference) / half
+    levels = len(np.unique(np.round(warmth / SAME)))
     errors: dict[int, np.ndarray] = {}
     for degree in DEGREES[: max(1, levels - 1)]:
-        held = _left_out(used, scaled, degree, calibration)
+        held = _left_out(positions, scaled, degree, calibration)
         if held is not None:
             errors[degree] = held
     degree = _choose(errors)
-    fit = _fit(used, scaled, degree, calibration, np.ones(len(used), dtype=bool))
-    base, coefficients, covariance, residual, excess, chi = fit
-    model = ErrorModel(base.matrix, base.bias)
-    count = len(covariance)
-    changes, spread = np.zeros(6), np.zeros(6)
-    entry = None
-    if degree:
-        ends = (np.array([high, low]) - reference) / half
-        powers = np.array([ends[0] ** k - ends[1] ** k for k in range(1, degree + 1)])
-        changes = powers @ coefficients
-        for j in range(6):
-            at = 9 + 6 * np.arange(degree) + j
-            spread[j] = np.sqrt(powers @ covariance[np.ix_(at, at)] @ powers)
-        per_degree = coefficients / half ** np.arange(1, degree + 1)[:, None]
-        entry = {
-            "degree": degree,
-            "range": [low, high],
-            "temperature_unit": "degC",
-            "matrix_coefficients": [np.diag(c[:3]) for c in per_degree],
-            "bias_coefficients": [c[3:] for c in per_degree],
-        }
     held = {d: float(np.sqrt(e.mean())) for d, e in errors.items()}
-    alone = _by_run(used, calibration.gravity)
+    alone = _by_run(positions, calibration.gravity)
+    changes, spread = np.zeros(6), np.zeros(6)
     if not degree:
         return TemperatureFit(calibration, 0, held, (low, high), alone, changes, spread)
+    everything = np.ones(len(positions), dtype=bool)
+    base, coefficients, covariance, residual, excess, chi = _fit(
+        positions, scaled, degree, calibration, everything
+    )
+    ends = (np.array([high, low]) - reference) / half
+    powers = np.array([ends[0] ** k - ends[1] ** k for k in range(1, degree + 1)])
+    changes = powers @ coefficients
+    for j in range(6):
+        at = 9 + 6 * np.arange(degree) + j
+        spread[j] = np.sqrt(powers @ covariance[np.ix_(at, at)] @ powers)
+    per_degree = coefficients / half ** np.arange(1, degree + 1)[:, None]
     done = replace(
         calibration,
-        model=model,
+        model=base,
         covariance=covariance[:9, :9],
-        dof=max(len(used) - count, 1),
+        dof=max(len(positions) - len(covariance), 1),
         chi_square=chi,
         excess=excess,
         residuals=residual,
         rms_after=rms(residual),
         rms_check=held[degree],
-        kept=np.ones(len(used), dtype=bool),
+        kept=everything,
         rejected=(),
         reference_temperature=reference,
-        temperature=entry,
+        temperature={
+            "degree": degree,
+            "range": [low, high],
+            "temperature_unit": "degC",
+            "matrix_coefficients": [np.diag(c[:3]) for c in per_degree],
+            "bias_coefficients": [c[3:] for c in per_degree],
+        },
     )
     return TemperatureFit(done, degree, held, (low, high), alone, changes, spread)
 
