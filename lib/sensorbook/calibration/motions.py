@@ -144,6 +144,7 @@ def motions_between(
     for k, part in enumerate(parts):
         turns[k, : len(part)] = part
     rows = np.array(at, dtype=int)
+    names = [label.split(" (")[0] for label in positions.labels]
     return Motions(
         turns,
         positions.spans[rows + 1, 0] - positions.spans[rows, 1],
@@ -151,7 +152,7 @@ def motions_between(
         directions.unit[rows + 1],
         directions.frame[rows],
         directions.frame[rows + 1],
-        tuple(f"{i + 1} → {i + 2}" for i in at),
+        tuple(f"{names[i]} → {names[i + 1]}" for i in at),
     )
 
 
