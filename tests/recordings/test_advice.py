@@ -11,6 +11,7 @@ from sensorbook.cli import main
 from sensorbook.recordings.advice import advise
 from sensorbook.recordings.recording import Recording
 from sensorbook.simulate import simulate
+from sensorbook.simulate.positions import EDGES, FACES, RATE, hand_moved
 from sensorbook.units import SENSOR_UNITS
 
 REST = {
@@ -160,3 +161,33 @@ def test_findings_come_with_a_remedy(folder, samples, capsys):
         "warning: static.csv: gyroscope: holds 499 samples, and its noise needs 1000 — rest it for an "
         "hour or more"
     ) in said
+
+
+# --- positions ---
+
+
+@pytest.mark.parametrize(
+    ("directions", "words"),
+    [
+        (FACES, "6 rests in 6 distinct directions do not determine 9 parameters"),
+        ((*FACES, *EDGES), None),
+    ],
+)
+def test_positions_that_determine_a_calibration_and_such_that_do_not(directions, words):
+    made = hand_moved(np.random.default_rng([81, len(directions)]), directions, 2.0, initial=0.0)
+    recording = Recording(
+        "accelerometer", "positions", "a.csv", made["t"], made["accelerometer"], rate=RATE
+    )
+    found = advise(recording, False)
+    assert [f.kind for f in found] == ([] if words is None else ["coverage"])
+    assert all(words in f.message and "positions added" in f.remedy for f in found)
+
+
+def test_a_missing_face_is_told():
+    made = hand_moved(np.random.default_rng(82), FACES[:5], 0.3, initial=0.0)
+    recording = Recording(
+        "accelerometer", "six_position", "a.csv", made["t"], made["accelerometer"], rate=RATE
+    )
+    (found,) = advise(recording, False)
+    assert "x down is missing" in found.message
+    assert "Record a rest with x down" in found.remedy

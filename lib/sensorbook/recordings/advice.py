@@ -64,6 +64,8 @@ def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding,
     elif recording.kind == "positions" and recording.rate < SLOW_POSITIONS:
         say("rate", f"sampled at {recording.rate:.3g} Hz, its motions between rests are hardly seen",
             f"record positions at {SLOW_POSITIONS:g} Hz or more")  # fmt: skip
+    elif recording.sensor == "accelerometer" and recording.kind in ("positions", "six_position"):
+        _attitudes(recording, say)
     elif recording.kind == "trajectory" and recording.sensor == "gyroscope":
         turn = float(np.sqrt((values**2).sum(axis=1).mean())) / recording.rate
         if turn > COARSE_TURN:
@@ -78,6 +80,37 @@ def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding,
 
 
 Say = Callable[[str, str, str], None]
+
+
+def _attitudes(recording: Recording, say: Callable[[str, str, str], None]) -> None:
+    """Rests that are lost, and directions that do not determine a calibration.
+
+    A recording by itself: several runs of a device may be enough together.
+    """
+    # Only here: reading a recording does not need the calibrations.
+    from sensorbook.calibration import find_faces, find_positions
+    from sensorbook.calibration.known_directions import require_faces
+    from sensorbook.calibration.model import FREE
+    from sensorbook.calibration.multi_position import require_coverage
+    from sensorbook.earth import STANDARD_GRAVITY
+    from sensorbook.errors import InputError, Refusal
+
+    try:
+        if recording.kind == "positions":
+            found = find_positions([recording], (), STANDARD_GRAVITY)
+            require_coverage(found.positions, STANDARD_GRAVITY, FREE[9])
+        else:
+            found, up = find_faces([recording], STANDARD_GRAVITY)
+            require_faces(up)
+    except Refusal as refusal:
+        say("coverage", refusal.reason.rstrip("."), refusal.remedy.rstrip("."))
+        return
+    except InputError as error:
+        for problem in error.problems:
+            say("unit", problem.message, problem.mend)
+        return
+    for label, reason in found.aside:
+        say("moved", f"rest {label} does not serve: {reason}", "repeat it")
 
 
 def _moved(sensor: str, values: np.ndarray, say: Say) -> None:
