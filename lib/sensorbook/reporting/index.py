@@ -28,7 +28,7 @@ NAMES = {
     "rate_ramp": "Rate ramp R",
     "rms_before": "Residual before the thermal model",
     "rms_after": "Residual after the thermal model",
-    "scale_factor_error": "Scale factor error",
+    "rms_check": "Residual held out",
 }
 SENSOR_NAMES = {
     ("gyroscope", "random_walk"): "Angle random walk N",
@@ -329,19 +329,20 @@ def _calibration(sensor: str, result: dict[str, Any]) -> dict[str, Any] | None:
             part = cells[k : k + 3] + [None] * (3 - len(cells[k : k + 3]))
             rows.append({"name": quantity_name(sensor, quantity), "unit": label, "cells": part})
     method = METHODS.get(c["method"], c["method"])
-    return {"rows": rows, "about": f"{method}, {c.get('positions', 0)} rests; {_left(sensor, c)}"}
+    count = f"{c['motions']} motions" if "motions" in c else f"{c.get('positions', 0)} rests"
+    return {"rows": rows, "about": f"{method}, {count}; {_left(sensor, c)}"}
 
 
 def _left(sensor: str, calibration: dict[str, Any]) -> str:
     """The error before, after and held out, in words."""
-    prefix, scale, unit, what = "rms", 1e-3, "mm/s²", "length of gravity"
+    scale, unit, what = 1e-3, "mm/s²", "length of gravity"
     keys = ("rms_before", "rms_after", "rms_check")
     if sensor == "gyroscope":
         scale, unit, what = 1.0, "°", "direction after a turn"
         keys = tuple(f"direction_error_{k}_deg" for k in ("before", "after", "check"))
     found = [calibration.get(key) for key in keys]
-    texts = ["–" if value is None else f"{value / scale:.3g}" for value in found]
-    return f"{what} errs by {texts[0]} {unit} as recorded, {texts[1]} fitted, {texts[2]} held out ({prefix})"
+    before, after, held = ("–" if value is None else f"{value / scale:.3g}" for value in found)
+    return f"{what} errs by {before} {unit} rms as recorded, {after} fitted, {held} held out"
 
 
 def _input_row(recording: dict[str, Any]) -> dict[str, str]:
