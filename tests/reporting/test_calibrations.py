@@ -90,7 +90,7 @@ def test_index_shows_it(tmp_path):
     )
     text = " ".join(page.split())
     assert (
-        "many positions, 20 rests; length of gravity errs by 300 mm/s² as recorded, 1 fitted, 2 held out"
+        "many positions, 20 rests; length of gravity errs by 300 mm/s² rms as recorded, 1 fitted, 2 held out"
         in text
     )
     assert "10000<span" in text  # ppm
