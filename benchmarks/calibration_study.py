@@ -111,6 +111,7 @@ def main() -> None:
         try:
             found = find_positions([device.accelerometer], [device.gyroscope], gravity)
             fit = multi_position(found.positions, gravity)
+            found = found[fit.kept]
             directions = Directions.by(fit, found.positions)
             rests = fit_rests(found.gyroscope, directions.acceleration, LATITUDE)
             turns = all_motions(

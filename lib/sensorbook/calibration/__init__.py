@@ -28,8 +28,10 @@ __all__ = [
 def calibrate_gyroscope(gyroscope, accelerometer, gravity: float = STANDARD_GRAVITY) -> Calibration:
     """A gyroscope's calibration from one recording of kind "positions" and the accelerometer's beside it."""
     found = find_positions([accelerometer], [gyroscope], gravity)
-    rests = require_gyroscope(found)
+    require_gyroscope(found)
     level = multi_position(found.positions, gravity)
+    found = found[level.kept]  # a rest that does not belong has no direction to trust
+    rests = require_gyroscope(found)
     directions = Directions.by(level, found.positions)
     fit = fit_rests(rests, directions.acceleration)
     motions = all_motions([gyroscope], [accelerometer], found, directions, level.model, fit)

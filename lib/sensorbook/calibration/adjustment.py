@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -31,33 +33,44 @@ def paule_mandel(chi_square_of: Callable[[float], float], dof: int, scale: float
     return float(optimize.brentq(lambda s: chi_square_of(s) - dof, 0, upper, rtol=1e-4))
 
 
-def studentised(residuals: np.ndarray, design: np.ndarray) -> np.ndarray:
-    """(P,) externally studentised residuals of a weighted fit (Cook & Weisberg 1982, 2.1.2).
+def outliers(residuals: np.ndarray, design: np.ndarray, most: int) -> tuple[int, ...]:
+    """Indices of observations that do not belong at `SIGNIFICANCE`, up to three that hide each other.
+
+    F test of a mean shift of each set of one, two or three observations (Cook & Weisberg 1982, 2.2.2;
+    Barnett & Lewis 1994), Bonferroni over the sets of that size; of several the clearest is taken.
 
     Parameters
     ----------
     residuals : (P,) divided by their standard deviations
     design : (P, K), its rows divided alike
+    most : observations that may be named
     """
     p, k = design.shape
     orthogonal = np.linalg.qr(design)[0]
-    free = np.maximum(1 - (orthogonal**2).sum(axis=1), 1e-12)
-    if p - k < 2:
-        return np.zeros(p)
-    others = (residuals @ residuals - residuals**2 / free) / (p - k - 1)
-    t = residuals / np.sqrt(np.maximum(others, 1e-300) * free)
-    # A residual that the fit leaves hardly any freedom tells nothing.
-    return np.where(free > 1e-6, t, 0.0)
-
-
-def outlier(residuals: np.ndarray, design: np.ndarray) -> int | None:
-    """Index of the one observation that does not belong at `SIGNIFICANCE` (Bonferroni), if any."""
-    p, k = design.shape
-    if p - k < 3:
-        return None
-    t = np.abs(studentised(residuals, design))
-    worst = int(np.argmax(t))
-    return worst if 2 * p * stats.t.sf(t[worst], p - k - 1) < SIGNIFICANCE else None
+    free = np.eye(p) - orthogonal @ orthogonal.T
+    total = float(residuals @ residuals)
+    best, chosen = SIGNIFICANCE, ()
+    # What hides among others has a residual, too: only the larger half is combined.
+    candidates = np.argsort(-np.abs(residuals))[: max(12, p // 2)]
+    for size in range(1, min(most, 3) + 1):
+        dof = p - k - size
+        if dof < 2:
+            break
+        sets = np.array(list(itertools.combinations(candidates, size)))
+        block = free[sets[:, :, None], sets[:, None, :]]
+        # Sets that the fit leaves no freedom tell nothing.
+        usable = np.linalg.eigvalsh(block)[:, 0] > 1e-6
+        if not usable.any():
+            continue
+        sets, block = sets[usable], block[usable]
+        e = residuals[sets]
+        drop = np.einsum("si,si->s", e, np.linalg.solve(block, e[..., None])[..., 0])
+        worst = int(np.argmax(drop))
+        left = max(total - float(drop[worst]), 1e-300)
+        p_value = math.comb(p, size) * stats.f.sf(drop[worst] / size / (left / dof), size, dof)
+        if p_value < best:
+            best, chosen = p_value, tuple(int(x) for x in sets[worst])
+    return chosen
 
 
 def rms(values: np.ndarray) -> float:

@@ -180,7 +180,8 @@ def _fit(solve: Callable, positions, directions, gravity, free, data):
         weights = covariances
         if data == "means":
             weights = _weights(solve, covariances, directions, tilt, gravity, model)
-        return solve(observed, true, weights, free, size)
+        # Tilts shorten the specific force along the axis that is up: by θ² on average.
+        return solve(observed, true * (1 - (tilt / gravity) ** 2), weights, free, size)
 
     model, covariance, white = attempt(0.0, IDEAL)
     chi, tilt = white, 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensorbook.calibration.adjustment import outlier, paule_mandel, rms
+from sensorbook.calibration.adjustment import outliers, paule_mandel, rms
 from sensorbook.calibration.coverage import Coverage, coverage, positions_to_add
 from sensorbook.calibration.model import FREE, ErrorModel, parameter_names
 from sensorbook.calibration.positions import Positions
@@ -59,11 +59,12 @@ def multi_position(
     while True:
         fit = _Fit(positions[keep], gravity, free, data)
         # At most a fifth is set aside: more is no outlier but a model that does not fit.
-        bad = fit.outlier() if data == "means" and (~keep).sum() < len(keep) // 5 else None
-        if bad is None:
+        left = len(keep) // 5 - int((~keep).sum())
+        bad = fit.outliers(left) if data == "means" and left > 0 else ()
+        if not bad:
             break
         trial = keep.copy()
-        trial[np.flatnonzero(keep)[bad]] = False
+        trial[np.flatnonzero(keep)[list(bad)]] = False
         if not enough(parameters)(coverage(directions_of_rests(positions[trial], gravity), free)):
             break
         keep = trial
@@ -177,7 +178,11 @@ class _Fit:
         if data == "means":
             self.excess = self._excess()
         self.chi_square = self.white / max(self.dof, 1)
-        self.covariance = np.linalg.inv(self.normal) * self.squares / max(self.dof, 1)
+        # What rounding hides does not show in the residuals either.
+        scale = self.squares / max(self.dof, 1)
+        self.covariance = np.linalg.inv(self.normal) * (
+            max(scale, 1.0) if positions.coarse.any() else scale
+        )
 
     def _start(self) -> ErrorModel:
         """The ellipsoid through the observations, by linear least squares, where it is one."""
@@ -250,9 +255,9 @@ class _Fit:
         matrix[self.free] += step[:-3]
         return ErrorModel(matrix, model.bias + step[-3:])
 
-    def outlier(self) -> int | None:
-        """Index of a position that does not belong."""
-        return outlier(self.left, self.rows)
+    def outliers(self, most: int) -> tuple[int, ...]:
+        """Indices of positions that do not belong."""
+        return outliers(self.left, self.rows, most)
 
 
 def _derivatives(model: ErrorModel, true: np.ndarray, free: np.ndarray):

@@ -56,10 +56,29 @@ class Positions:
         A rest whose samples are all alike has the rounding of the mean of others: their median.
         """
         each = np.array([np.cov(s.T) / len(s) for s in self.samples]).reshape(-1, 3, 3)
+        each = each + (self.coarse * self.steps**2 / 12)[:, None, :] * np.eye(3)
         size = np.trace(each, axis1=1, axis2=2)
         typical = np.median(size[size > 0]) if (size > 0).any() else 1.0
         floor = 1e-2 * typical / 3  # no axis of any rest is taken for a hundred times better
         return each + floor * np.eye(3)
+
+    @property
+    def steps(self) -> np.ndarray:
+        """(3,) smallest difference of two readings of an axis: the converter's step, or less."""
+        found = np.zeros(3)
+        for axis in range(3):
+            levels = np.unique(np.concatenate([s[:, axis] for s in self.samples]))
+            gaps = np.diff(levels)
+            # Below a hundredth of the typical one, rounding of decimals made two of one level.
+            gaps = gaps[gaps > 1e-2 * np.median(gaps)] if len(gaps) else gaps
+            found[axis] = gaps.min() if len(gaps) else 0.0
+        return found
+
+    @property
+    def coarse(self) -> np.ndarray:
+        """(P, 3) where the noise of a rest does not reach over a converter's step: its mean is rounded."""
+        scatter = np.array([s.std(axis=0) for s in self.samples]).reshape(-1, 3)
+        return scatter < 0.3 * self.steps
 
     @property
     def slow_noise(self) -> float:

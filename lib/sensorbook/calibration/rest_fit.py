@@ -91,7 +91,8 @@ def fit_rests(
         for j in range(3)
     )
     dof = 3 * (count - 4)
-    p_cross = float(stats.f.sf(gain / 6 / (sum(w.squares for w in whole) / dof), 6, dof))
+    left = max(sum(w.squares for w in whole), 1e-300)
+    p_cross = float(stats.f.sf(gain / 6 / (left / dof), 6, dof))
     lines = whole if p_cross < VISIBLE else diagonal
     g_free = np.ones((3, 3), dtype=bool) if p_cross < VISIBLE else np.eye(3, dtype=bool)
     bias = np.array([line.x[0] for line in lines])
@@ -103,6 +104,9 @@ def fit_rests(
     for j, line in enumerate(lines):
         at = np.r_[j, 3 + total * j + np.arange(total)]
         covariance[np.ix_(at, at)] = line.covariance
+    # Rests that all read one count share its rounding, which no average takes away.
+    rounding = positions.steps**2 / 12 * positions.coarse.all(axis=0)
+    covariance[:3, :3] += np.diag(rounding)
     if latitude is None:
         # ω_e sin φ along the specific force looks like a sensitivity of all three axes alike.
         own = 3 + np.flatnonzero(np.eye(3, dtype=bool)[g_free])
@@ -110,7 +114,7 @@ def fit_rests(
     variances = np.array([line.covariance[1, 1] for line in diagonal])
     if latitude is None:
         variances = variances + (EARTH_RATE / length.mean()) ** 2 / 3
-    statistic = np.mean([line.x[1] ** 2 for line in diagonal] / variances)
+    statistic = np.mean([line.x[1] ** 2 for line in diagonal] / np.maximum(variances, 1e-300))
     p_value = float(stats.f.sf(statistic, 3, 3 * (count - 2)))
     excess = np.array([line.excess for line in lines])
     after, held = (np.empty_like(means) for _ in range(2))

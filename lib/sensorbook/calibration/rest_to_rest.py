@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensorbook.calibration.adjustment import outlier, rms
+from sensorbook.calibration.adjustment import outliers, rms
 from sensorbook.calibration.model import FREE, ErrorModel
 from sensorbook.calibration.motions import LONGEST, Motions, predicted, rotation_matrices
 from sensorbook.calibration.multi_position import FOLDS
@@ -21,6 +21,7 @@ from sensorbook.errors import Refusal
 ITERATIONS = 30
 FEWEST = 9
 MAX_CONDITION = 20.0
+AMISS = np.radians(5.0)  # after the fit: a clock, a sign or an order of axes is wrong
 SMALLEST_TURN = 5.0  # degrees; less tells nothing of a scale factor
 
 
@@ -40,10 +41,23 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
     while True:
         used = motions[keep]
         inverse, rows, left = _solve(used)
-        worst = _outlier(rows, left) if (~keep).sum() < len(keep) // 5 else None
-        if worst is None:
+        more = len(keep) // 5 - int((~keep).sum())
+        bad = (
+            {k // 2 for k in outliers(left / max(rms(left), 1e-300), rows, 2)}
+            if more > 0
+            else set()
+        )
+        if not bad or len(bad) > more:
             break
-        keep[np.flatnonzero(keep)[worst]] = False
+        keep[np.flatnonzero(keep)[list(bad)]] = False
+    errors = direction_errors(used, inverse)
+    if rms(errors) > AMISS:
+        raise Refusal(
+            "The gyroscope does not carry the direction of gravity from one rest to the next: it errs by "
+            f"{np.degrees(rms(errors)):.0f}° even with the best nine parameters.",
+            "Check that both sensors share one clock, the signs and order of their axes (right-handed), "
+            "and that the gyroscope's range was not exceeded.",
+        )
     dof = rows.shape[0] - 9
     scale = float(left @ left) / max(dof, 1)
     matrix = np.linalg.inv(inverse)
@@ -54,7 +68,6 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
     covariance = np.zeros((9 + len(fit.covariance),) * 2)
     covariance[:9, :9] = jacobian @ own @ jacobian.T
     covariance[9:, 9:] = fit.covariance
-    errors = direction_errors(used, inverse)
     return Calibration(
         method="rest_to_rest",
         sensor="gyroscope",
@@ -135,12 +148,6 @@ def _by_frame(motions: Motions, inverse: np.ndarray) -> np.ndarray:
     carried = predicted(motions, inverse)[2] @ motions.frame_before
     across = _tangents(motions.after)
     return (across @ (carried - motions.frame_after)).reshape(2 * len(motions), -1)
-
-
-def _outlier(rows: np.ndarray, left: np.ndarray) -> int | None:
-    """Index of the motion that does not belong, by the worse of its two angles."""
-    found = outlier(left / max(rms(left), 1e-300), rows)
-    return None if found is None else found // 2
 
 
 def _require_turns(motions: Motions) -> None:
