@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from sensorbook.calibration.model import ErrorModel
+from sensorbook.errors import InputError, Problem
 from sensorbook.recordings import Recording
 from sensorbook.thermal import ThermalModel
 
@@ -111,15 +112,25 @@ def correct(
 def _undistort(recording: Recording, calibration: dict, acceleration: np.ndarray | None):
     """The exact inverse of the deterministic error model, and what to know about it."""
     notes = []
-    model = ErrorModel.from_results(calibration)
+    try:
+        model = ErrorModel.from_results(calibration)
+        np.linalg.inv(model.matrix)
+    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+        raise InputError(
+            Problem("results.json", f"sensors.{recording.sensor}.calibration", f"cannot serve: {error}",
+                    "render it again with: sensorbook report")
+        ) from None  # fmt: skip
     if not model.g_sensitivity.any():
         acceleration = None
-    elif acceleration is None:
+    elif acceleration is not None:
+        acceleration = _bridged(acceleration)
+    else:
         notes.append(
             "its sensitivity to acceleration is left in, as the file has no corrected accelerometer beside it"
         )
     entry = calibration.get("temperature")
-    if not entry or recording.temperature is None:
+    without = recording.temperature is None or not np.isfinite(recording.temperature).any()
+    if not entry or without:
         if entry:
             notes.append(
                 "the file holds no temperature: the calibration at the reference one is used"
@@ -144,6 +155,15 @@ def _undistort(recording: Recording, calibration: dict, acceleration: np.ndarray
             bias = bias + acceleration[part] @ model.g_sensitivity.T
         values[part] = np.linalg.solve(matrix, (recording.values[part] - bias)[..., None])[..., 0]
     return replace(recording, values=values), notes
+
+
+def _bridged(values: np.ndarray) -> np.ndarray:
+    """(N, 3) with missing rows bridged linearly: their effect on another sensor is of second order."""
+    known = np.isfinite(values).all(axis=1)
+    if known.all() or not known.any():
+        return np.nan_to_num(values)
+    rows = np.arange(len(values))
+    return np.stack([np.interp(rows, rows[known], column[known]) for column in values.T], axis=1)
 
 
 def _smoothed_temperature(recording: Recording) -> np.ndarray:

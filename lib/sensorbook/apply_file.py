@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -59,7 +60,8 @@ def apply_file(
     _check_target(path, target, Path(results))
     declarations = _declarations(found, sensor)
     name = _table_name(path, declarations)
-    declarations = [d for d in declarations if d.get("table") in (None, name)]
+    if name is not None:
+        declarations = [d for d in declarations if d.get("table") in (None, name)]
     table = open_table(
         path, path.name, name, [c for d in declarations for c in d["columns"].values()]
     )
@@ -69,11 +71,14 @@ def apply_file(
         if (mine := [d for d in declarations if d["sensor"] == name])
     }
     chosen = {name: d for name, d in chosen.items() if d is not None}
+    warnings: list[str] = []
     if not chosen:
         raise InputError(_nothing_fits(path, table, declarations))
+    for name, reason in _left_raw(found, declarations, chosen, table):
+        warnings.append(f"{name}: left as it is, {reason}")
     chosen = _apart(chosen, table, path)
     replaced: dict[int, np.ndarray] = {}
-    done, warnings, refused = [], [], []
+    done, refused = [], []
     acceleration = None
     for name, declaration in chosen.items():
         entry = found.at("sensors").get(name)
@@ -95,6 +100,25 @@ def apply_file(
         raise InputError(*problems)
     _write(path, table, declarations, replaced, target)
     return Applied(tuple(done), tuple(warnings + refused))
+
+
+def _left_raw(found: Entry, declarations, chosen, table: Table):
+    """The sensors with a correction whose columns the file does not have, and why."""
+    for name in dict.fromkeys(d["sensor"] for d in declarations):
+        result = found.at("sensors").get(name).value or {}
+        calibrated = (result.get("calibration") or {}).get("method") or result.get("thermal")
+        if name in chosen or not calibrated:
+            continue
+        columns = next(d["columns"] for d in declarations if d["sensor"] == name)
+        try:
+            for axis in AXES:
+                table.index(columns[axis])
+        except (InputError, KeyError) as error:
+            problem = error.problems[0] if isinstance(error, InputError) else None
+            yield (
+                name,
+                f"{problem.where} {problem.message}" if problem else "an axis is not declared",
+            )
 
 
 def _split(reason: str) -> tuple[str, str, str]:
@@ -141,6 +165,8 @@ def _declarations(found: Entry, sensor: str | None) -> list[dict[str, Any]]:
 def _table_name(path: Path, declarations: Sequence[dict]) -> str | None:
     """The file's table, named as in the recordings' declarations; None where it is a single one."""
     there = table_names(path, path.name)
+    if not there and source_of(path, path.name)[1].__name__ == READERS_TEXT:
+        return None  # a text is one table, whatever the device was recorded in
     names = [n for n in dict.fromkeys(d.get("table") for d in declarations) if n in there]
     if len(names) > 1:
         sensors = dict.fromkeys(d["sensor"] for d in declarations if d.get("table") in names)
@@ -207,7 +233,7 @@ def _fitting(
 def _given(columns: Mapping[str, str], table: Table) -> dict[str, str | int]:
     """Columns as the user names them; digits are 0-based indices unless a column has that name."""
     return {
-        key: int(name) if name.isdigit() and name not in table.names else name
+        key: int(name) if re.fullmatch("[0-9]{1,5}", name) and name not in table.names else name
         for key, name in columns.items()
     }
 
@@ -237,6 +263,7 @@ def _read(table: Table, sensor: str, declaration: dict) -> Recording:
     table.parse([columns[key] for key in columns if _has(table, columns[key])])
     raw = [numbers(table, columns[axis]) for axis in AXES]
     values = np.stack([in_si(c, k, sensor, declaration) for k, c in enumerate(raw)], axis=1)
+    values[~np.isfinite(values)] = np.nan
     rate = declaration.get("rate") or declaration.get("rate_hz")
     time = np.arange(len(values)) / (rate or 1.0)
     if "time" in columns and _has(table, columns["time"]):
@@ -262,7 +289,12 @@ def _write(
     source, reader = source_of(path, path.name)
     ending = "".join(target.suffixes[-2:]).lower()
     text_out = not ending.endswith((".parquet", ".feather", ".npz"))
-    handle, aside = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        handle, aside = tempfile.mkstemp(dir=target.parent, prefix=".applied-")
+    except OSError as error:
+        raise InputError(
+            Problem(str(target), "", f"cannot be written: {error.strerror}", "name another file")
+        ) from None
     try:
         with os.fdopen(handle, "wb") as stream:
             if reader.__name__ == READERS_TEXT and text_out:

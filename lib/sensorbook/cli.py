@@ -152,7 +152,8 @@ def _apply(arguments: argparse.Namespace) -> int:
         print(f"warning: {warning}", file=sys.stderr)
     for line in applied.done:
         print(line)
-    print(f"{arguments.output}: written")
+    name = "".join(c if c.isprintable() else " " for c in arguments.output)
+    print(f"{name}: written")
     return 0
 
 
@@ -316,7 +317,9 @@ def _columns(text: str) -> dict[str, str]:
     pairs = [part.partition("=") for part in text.split(",")]
     found = {key.strip(): name.strip() for key, _, name in pairs}
     unknown = set(found) - {"x", "y", "z", "temperature", "time"}
-    if unknown or not {"x", "y", "z"} <= set(found) or not all(found.values()):
+    given = list(found.values())
+    bad = unknown or not {"x", "y", "z"} <= set(found) or not all(given)
+    if bad or len(set(given)) < len(given):
         raise argparse.ArgumentTypeError(f"{text!r} is not x=…,y=…,z=… (temperature=…, time=…)")
     return found
 

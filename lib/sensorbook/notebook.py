@@ -155,7 +155,12 @@ def load_positions(
     model. What was done is said.
     """
     source, runs = load(folder, sensor, kind)
-    ready = _without_thermal(runs, thermal_record)
+    once: dict[tuple, Any] = {}
+    for run in runs:
+        first = once.setdefault((run.sha256, run.declaration.get("table")), run)
+        if first is not run:
+            warn(f"It is the same as {first.file} and counts once.", run.file)
+    ready = _without_thermal(once.values(), thermal_record)
     kept = tuple(r for r in ready if not r.declaration.get("check"))
     if not kept:
         raise sensorbook.Refusal(

@@ -13,6 +13,7 @@ from sensorbook.calibration.model import FREE
 from sensorbook.calibration.multi_position import multi_position, require_coverage
 from sensorbook.calibration.positions import FACES, Positions, cut
 from sensorbook.calibration.rests import (
+    BRIEF,
     SHORTEST,
     STILL,
     THRESHOLDS,
@@ -20,6 +21,7 @@ from sensorbook.calibration.rests import (
     quiet_spans,
     rolling_scatter,
 )
+from sensorbook.earth import STANDARD_GRAVITY
 from sensorbook.errors import InputError, Problem, Refusal
 from sensorbook.recordings.clock import advancing
 from sensorbook.recordings.recording import Recording
@@ -43,6 +45,7 @@ class Found:
     aside : (label, reason) of each rest that was found and not used
     scatters : by recording the rolling scatter of each sensor
     threshold : chosen, in units of the initial rest's scatter; None for rests labelled by hand
+    short : quiet stretches too short to serve
     sweep : (threshold, rests, residual in m/s² or None where refused) of each that was tried
     """
 
@@ -52,6 +55,7 @@ class Found:
     scatters: tuple[tuple[Scatter, ...], ...]
     threshold: float | None
     sweep: tuple[tuple[float, int, float | None], ...]
+    short: int = 0
 
     def __getitem__(self, rows) -> Found:
         gyroscope = None if self.gyroscope is None else self.gyroscope[rows]
@@ -107,12 +111,14 @@ def find_positions(
     runs = [_prepare(a, beside(a, gyroscopes)) for a in accelerometers]
     scatters = tuple(_scatters(run) for run in runs)
     if all(a.segments for a in accelerometers):
-        spans = [[(s.start, s.end) for s in a.segments] for a in accelerometers]
-        labels = [[s.label for s in a.segments] for a in accelerometers]
+        once = [list({(s.start, s.end): s for s in a.segments}.values()) for a in accelerometers]
+        spans = [[(s.start, s.end) for s in segments] for segments in once]
+        labels = [[s.label for s in segments] for segments in once]
         found = _cut(runs, spans, labels)
+        _require_labels(found[0], accelerometers)
         _require_unit(found[0], runs, gravity)
-        motion = _in_motion(found[0])
-        return _without_bad(runs, *found, motion, scatters, None, ())
+        made = _without_bad(runs, *found, _in_motion(found[0]), scatters, None, ())
+        return replace(made, aside=made.aside + _unused_labels(found[0], accelerometers))
     tried = []
     for threshold in THRESHOLDS:
         spans = [quiet_spans(s, threshold) for s in scatters]
@@ -137,7 +143,11 @@ def find_positions(
         best = next(made for made, r in usable if r <= ALIKE * least)
     else:
         best = max((made for made, _ in tried), key=_variety)
-    return replace(best, sweep=sweep)
+    threshold = best.threshold or THRESHOLDS[0]
+    brief = sum(
+        len(quiet_spans(s, threshold, BRIEF)) - len(quiet_spans(s, threshold)) for s in scatters
+    )
+    return replace(best, sweep=sweep, short=brief)
 
 
 def find_faces(recordings: Sequence[Recording], gravity: float) -> tuple[Found, np.ndarray]:
@@ -331,6 +341,9 @@ def _in_motion(positions: Positions) -> dict[int, str]:
 def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep) -> Found:
     """Sets aside what is no rest, with the reason."""
     reasons = {**_saturated(positions, runs), **_turning(positions), **motion}
+    for i, length in enumerate(np.linalg.norm(positions.means, axis=1)):
+        if not 0.3 * STANDARD_GRAVITY < length < 3 * STANDARD_GRAVITY:
+            reasons[i] = f"it reads {length:.3g} m/s², which is not gravity"
     for i, label_samples in enumerate(positions.samples):
         if len(label_samples) < 5:
             reasons.setdefault(i, f"it has {len(label_samples)} samples only")
@@ -343,6 +356,33 @@ def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep)
         scatters,
         threshold,
         sweep,
+    )
+
+
+def _require_labels(positions: Positions, recordings: Sequence[Recording]) -> None:
+    """Raises `InputError` where no label holds a sample of its recording."""
+    if not len(positions):
+        first = recordings[0]
+        ends = f"{np.nanmin(first.time):.6g} to {np.nanmax(first.time):.6g} s"
+        raise InputError(
+            Problem(
+                first.file, "segments", f"no label lies within the recording, which lasts from {ends}",
+                "give start and end in the recording's own time and time_unit",
+            )
+        )  # fmt: skip
+
+
+def _unused_labels(
+    positions: Positions, recordings: Sequence[Recording]
+) -> tuple[tuple[str, str], ...]:
+    """Labels that hold no sample."""
+    spans = zip(positions.runs, positions.spans, strict=True)
+    used = {(int(r), float(a), float(b)) for r, (a, b) in spans}
+    return tuple(
+        (f"{s.label} ({s.start:.1f}–{s.end:.1f} s)", "it holds no sample of the recording")
+        for r, recording in enumerate(recordings)
+        for s in recording.segments
+        if (r, s.start, s.end) not in used
     )
 
 
@@ -363,11 +403,10 @@ def _saturated(positions: Positions, runs) -> dict[int, str]:
             column = run.values[:, axis]
             for extreme in (column.max(), column.min()):
                 places = np.flatnonzero(np.diff(np.r_[False, column == extreme].astype(int)) == 1)
-                if len(places) < 2:
-                    continue
                 for i in np.flatnonzero(positions.runs == r):
                     share = float(np.mean(positions.samples[i][:, axis] == extreme))
-                    if share > SATURATED:
+                    # Once is enough where nothing but the extreme is read.
+                    if share > SATURATED and (len(places) > 1 or share > 0.9):
                         found[i] = (
                             f"{'xyz'[axis]} is saturated: {100 * share:.0f} % of its samples are at "
                             f"{extreme:.5g} m/s², which the recording never passes; choose a wider range"

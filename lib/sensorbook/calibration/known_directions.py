@@ -109,7 +109,7 @@ def recursion_history(
     observed, true, covariances, size = _observations(positions, directions, gravity, "means")
     model, _, tilt, *_ = _fit(_recursion, positions, directions, gravity, free, "means")
     weights = _weights(_recursion, covariances, directions, tilt, gravity, model)
-    _recursion(observed, true, weights, free, size, each=keep)
+    _recursion(observed, true * (1 - (tilt / gravity) ** 2), weights, free, size, each=keep)
     return np.array(history)
 
 

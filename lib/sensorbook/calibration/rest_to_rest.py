@@ -22,6 +22,8 @@ ITERATIONS = 30
 FEWEST = 9
 MAX_CONDITION = 20.0
 AMISS = np.radians(5.0)  # after the fit: a clock, a sign or an order of axes is wrong
+FOREIGN = 0.5  # of any entry of the matrix off the unit one
+SPUN = 20.0  # rad, typical of a motion: nobody turns a device three times between rests
 SMALLEST_TURN = 5.0  # degrees; less tells nothing of a scale factor
 
 
@@ -58,9 +60,15 @@ def rest_to_rest(motions: Motions, fit: RestFit, gravity: float, check: bool = T
             "Check that both sensors share one clock, the signs and order of their axes (right-handed), "
             "and that the gyroscope's range was not exceeded.",
         )
+    matrix = np.linalg.inv(inverse)
+    if np.linalg.det(matrix) <= 0 or np.abs(matrix - np.eye(3)).max() > FOREIGN:
+        listed = "; ".join(", ".join(f"{v:.2f}" for v in row) for row in matrix)
+        raise Refusal(
+            f"The gyroscope's axes are not the accelerometer's: the matrix that fits is [{listed}].",
+            "Check the order and the signs of the columns, and the unit.",
+        )
     dof = rows.shape[0] - 9
     scale = float(left @ left) / max(dof, 1)
-    matrix = np.linalg.inv(inverse)
     # M = K⁻¹: dM = −M dK M
     jacobian = -np.kron(matrix, matrix.T)
     by_frame = -np.linalg.lstsq(rows, _by_frame(used, inverse), rcond=None)[0]
@@ -159,6 +167,12 @@ def _require_turns(motions: Motions) -> None:
             f"device by more than {SMALLEST_TURN:g}°, and {FEWEST} are needed for the nine scale factors "
             "and misalignments of a gyroscope.",
             "Go from rest to rest through 18 positions or more, turning by 90° about x, y and z.",
+        )
+    spun = float(np.median(np.linalg.norm(motions.turns, axis=2).sum(axis=1)))
+    if spun > SPUN:
+        raise Refusal(
+            f"By its unit the gyroscope turns by {np.degrees(spun):.0f}° in a typical motion.",
+            "Check the unit: degrees a second are declared as radians, or counts without their scale.",
         )
     derivative = predicted(motions, np.eye(3))[1]
     across = _tangents(motions.after)

@@ -10,6 +10,7 @@ from scipy import ndimage
 
 WINDOW = 0.5  # s, over which the scatter is taken
 SHORTEST = 1.0  # s; the mean of less is no better than the hand that holds it
+BRIEF = 0.1  # s; a rest of which so little is seen free of its ends lasted over half a second
 THRESHOLDS = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0)  # times the scatter of the initial rest
 INITIAL = 5.0  # s at the start that serve as the initial rest, where they are quiet
 STILL = 0.3  # degrees: a mean that moves by more within a rest is a slow turn
@@ -64,8 +65,10 @@ def rolling_scatter(sensor: str, time: np.ndarray, values: np.ndarray, rate: flo
     return Scatter(sensor, time, scatter / quiet, quiet, initial)
 
 
-def quiet_spans(scatters: Sequence[Scatter], threshold: float) -> list[tuple[float, float]]:
-    """Start and end (s) of each stretch of at least `SHORTEST` where every sensor is quiet.
+def quiet_spans(
+    scatters: Sequence[Scatter], threshold: float, least: float = SHORTEST
+) -> list[tuple[float, float]]:
+    """Start and end (s) of each stretch of at least `least` seconds where every sensor is quiet.
 
     The first of `scatters` gives the time base. A window that is quiet throughout leaves half its
     width free of motion on both sides, so that nothing needs to be trimmed.
@@ -77,4 +80,4 @@ def quiet_spans(scatters: Sequence[Scatter], threshold: float) -> list[tuple[flo
     gap = np.r_[False, np.diff(first.time) > WINDOW]  # a rest does not reach over missing samples
     edges = np.flatnonzero(np.diff(np.r_[0, (quiet & ~gap).astype(int), 0]))
     spans = [(float(first.time[a]), float(first.time[b - 1])) for a, b in edges.reshape(-1, 2)]
-    return [span for span in spans if span[1] - span[0] >= SHORTEST]
+    return [span for span in spans if span[1] - span[0] >= least]

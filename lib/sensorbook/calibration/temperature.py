@@ -46,13 +46,22 @@ class TemperatureFit:
 
 def several_temperatures(positions: Positions) -> bool:
     """Whether the recordings are at three temperatures or more, at least 5 °C apart in all."""
-    if positions.temperature is None:
+    if positions.temperature is None or not len(positions):
         return False
-    means = np.sort(
-        [positions.temperature[positions.runs == r].mean() for r in np.unique(positions.runs)]
-    )
+    cycles = by_temperature(positions).runs
+    means = np.sort([positions.temperature[cycles == r].mean() for r in np.unique(cycles)])
     levels = 1 + int((np.diff(means) > SAME).sum())
     return levels >= 3 and np.ptp(positions.temperature) >= SMALLEST_SPAN
+
+
+def by_temperature(positions: Positions) -> Positions:
+    """The positions with their recordings for runs, or, of one recording, its levels of temperature."""
+    if len(np.unique(positions.runs)) > 1:
+        return positions
+    order = np.argsort(positions.temperature)
+    level = np.empty(len(positions), dtype=int)
+    level[order] = np.cumsum(np.r_[0, np.diff(positions.temperature[order]) > SAME])
+    return replace(positions, runs=level)
 
 
 def fit_temperature(calibration: Calibration, positions: Positions) -> TemperatureFit:
@@ -67,6 +76,7 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
     simplest whose error on whole recordings left out is within two standard errors of the best. A
     recording left out counts where the others cover its temperature.
     """
+    positions = by_temperature(positions)
     warmth = positions.temperature
     low, high = float(warmth.min()), float(warmth.max())
     reference = round(float(warmth.mean()), 1)

@@ -38,7 +38,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         mend = "leave `table` out, or name the file that holds it"
         raise source.wrong("is text and holds one table only", mend, f"table {table!r}")
     text = _Text.of(source)
-    lines = text.head.splitlines()
+    lines = _lines(text.head)
     # A last line without an end may be broken off: the layout is told by those before it.
     if text.is_cut or (len(lines) > 5 and not text.head.endswith(("\n", "\r"))):
         lines = lines[:-1]
@@ -149,23 +149,43 @@ def rewrite(
     InputError : the text has columns of fixed width, which a new number may not fit
     """
     text = _Text.of(source)
-    lines = text.head.splitlines()
-    layout = find_layout(lines, [w for w in wanted if isinstance(w, str)])
+    layout = find_layout(_lines(text.head), [w for w in wanted if isinstance(w, str)])
     if layout.edges:
         raise source.wrong("has columns of fixed width, which corrected numbers may not fit",
                            "name an output that ends in .parquet or .npz")  # fmt: skip
     row, order = 0, sorted(columns)
+    count = len(columns[order[0]]) if order else 0
+    encoding = text.encoding
+    for mark, name in (
+        (b"\xff\xfe", "utf-16-le"),
+        (b"\xfe\xff", "utf-16-be"),
+        (b"\xef\xbb\xbf", "utf-8"),
+    ):
+        if source.head.startswith(mark):
+            out.write(mark)
+            encoding = name
     with text.open() as stream:
         for number, line in enumerate(stream):
             decoded = line.decode(text.encoding, "surrogateescape")
             if number >= layout.skip and cells_of(decoded, layout.delimiter):
+                if row == count:
+                    raise _broken(source, count)
                 new = [columns[k][row] for k in order]
                 decoded = _replaced(decoded, layout, dict(zip(order, new, strict=True)))
                 row += 1
-            out.write(decoded.encode(text.encoding, "surrogateescape"))
-    if order and row != len(columns[order[0]]):
-        raise source.wrong(f"has {row} lines of numbers where {len(columns[order[0]])} were read",
-                           "write one sample a line, without line breaks in cells")  # fmt: skip
+            out.write(decoded.encode(encoding, "surrogateescape"))
+    if row != count:
+        raise _broken(source, count)
+
+
+def _broken(source: Source, count: int) -> InputError:
+    return source.wrong(f"has other lines of numbers than the {count} rows that were read",
+                        "write one sample a line, without line breaks in cells")  # fmt: skip
+
+
+def _lines(text: str) -> list[str]:
+    """The lines as the parser counts them: `splitlines` breaks at more characters."""
+    return re.split(r"\r\n|\r|\n", text.removesuffix("\n").removesuffix("\r"))
 
 
 def _replaced(line: str, layout: Layout, values: dict[int, float]) -> str:
@@ -178,20 +198,28 @@ def _replaced(line: str, layout: Layout, values: dict[int, float]) -> str:
             if k < len(cells):
                 old = cells[k].strip()
                 cells[k] = (
-                    cells[k].replace(old, _number(old, value, layout.decimal)) if old else cells[k]
+                    cells[k].replace(old, _number(old, value, layout.decimal, delimiter))
+                    if old
+                    else cells[k]
                 )
         return delimiter.join(cells) + line[len(body) :]
     for k, (start, end) in reversed(list(enumerate(_spans(line, delimiter)))):
         if k in values:
-            line = line[:start] + _number(line[start:end], values[k], layout.decimal) + line[end:]
+            line = (
+                line[:start]
+                + _number(line[start:end], values[k], layout.decimal, delimiter)
+                + line[end:]
+            )
     return line
 
 
-def _number(old: str, value: float, decimal: str) -> str:
+def _number(old: str, value: float, decimal: str, delimiter: str) -> str:
     """The new text of a cell: nine digits; what was no number stays, and NaN is an empty cell."""
     if not NUMBER.fullmatch(old.replace(",", ".")) or old.lower().endswith("nan"):
         return old
-    return "" if np.isnan(value) else f"{value:.9g}".replace(".", decimal)
+    if np.isnan(value):
+        return "nan" if delimiter == r"\s+" else ""  # an empty cell between blanks is none
+    return f"{value:.9g}".replace(".", decimal)
 
 
 def _spans(line: str, delimiter: str) -> list[tuple[int, int]]:
