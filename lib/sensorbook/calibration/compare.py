@@ -9,10 +9,11 @@ import pandas as pd
 
 from sensorbook.calibration.adjustment import rms
 from sensorbook.calibration.model import IDEAL, ErrorModel
-from sensorbook.calibration.multi_position import norm_errors
+from sensorbook.calibration.multi_position import multi_position, norm_errors
 from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.result import Calibration, rounded
 from sensorbook.calibration.wavelet import denoised
+from sensorbook.errors import Refusal
 
 INPUTS = ("raw", "denoised", "means")  # B's RD, DD and MD
 NAMES = {
@@ -97,6 +98,21 @@ def why(calibrations: Sequence[Calibration], errors: dict[str, float]) -> str:
             "inverse, all at once or one after the other: they differ in the second order only."
         )
     return text
+
+
+def calibrations_by_run(positions: Positions, gravity: float, files: Sequence[str]) -> list[dict]:
+    """Each recording's own multi-position calibration, where its directions are enough."""
+    found = []
+    for r in np.unique(positions.runs):
+        try:
+            own = multi_position(positions[positions.runs == r], gravity, check=False)
+        except Refusal:
+            continue
+        std = {"matrix": own.std_of("matrix"), "bias": own.std_of("bias")}
+        found.append(
+            {"file": files[r], "matrix": own.model.matrix, "bias": own.model.bias, "std": std}
+        )
+    return found
 
 
 def ranking(errors: dict[str, float]) -> str:

@@ -7,6 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sensorbook.calibration.aside import (
+    in_motion,
+    require_labels,
+    require_unit,
+    saturated,
+    turning,
+    unused_labels,
+)
 from sensorbook.calibration.coverage import distinct
 from sensorbook.calibration.known_directions import face
 from sensorbook.calibration.model import FREE
@@ -15,7 +23,6 @@ from sensorbook.calibration.positions import FACES, Positions, cut
 from sensorbook.calibration.rests import (
     BRIEF,
     SHORTEST,
-    STILL,
     THRESHOLDS,
     Scatter,
     quiet_spans,
@@ -26,10 +33,7 @@ from sensorbook.errors import InputError, Problem, Refusal
 from sensorbook.recordings.clock import advancing
 from sensorbook.recordings.recording import Recording
 
-IN_MOTION = 5.0  # times the scatter of the quietest rests: a labelled rest that was none
 TILTED = 20.0  # degrees: farther from a face, and a rest is none of the six
-RESOLVED = 4  # values in a typical rest: fewer, and the converter is coarser than the noise
-SATURATED = 0.2  # share of a rest's samples at the recording's very extreme
 ALIKE = 1.1  # times the smallest residual is as good as that
 KEPT = 0.8  # of the most rests that any threshold finds: fewer, and a small residual is no merit
 
@@ -115,16 +119,16 @@ def find_positions(
         spans = [[(s.start, s.end) for s in segments] for segments in once]
         labels = [[s.label for s in segments] for segments in once]
         found = _cut(runs, spans, labels)
-        _require_labels(found[0], accelerometers)
-        _require_unit(found[0], runs, gravity)
-        made = _without_bad(runs, *found, _in_motion(found[0]), scatters, None, ())
-        return replace(made, aside=made.aside + _unused_labels(found[0], accelerometers))
+        require_labels(found[0], accelerometers)
+        require_unit(found[0], runs, gravity)
+        made = _without_bad(runs, *found, in_motion(found[0]), scatters, None, ())
+        return replace(made, aside=made.aside + unused_labels(found[0], accelerometers))
     tried = []
     for threshold in THRESHOLDS:
         spans = [quiet_spans(s, threshold) for s in scatters]
         if any(spans):
             found = _cut(runs, spans, None)
-            _require_unit(found[0], runs, gravity)
+            require_unit(found[0], runs, gravity)
             made = _without_bad(runs, *found, {}, scatters, threshold, ())
             tried.append((made, _residual(made.positions, gravity)))
     if not tried:
@@ -179,8 +183,8 @@ def find_faces(recordings: Sequence[Recording], gravity: float) -> tuple[Found, 
         )
     best = None
     for threshold, positions in tried:
-        _require_unit(positions, runs, gravity)
-        motion = _in_motion(positions) if threshold is None else {}
+        require_unit(positions, runs, gravity)
+        motion = in_motion(positions) if threshold is None else {}
         found = _without_bad(runs, positions, None, motion, scatters, threshold, ())
         named = _named(found, recordings[0].file)
         if best is None or len(set(map(tuple, named[1]))) > len(set(map(tuple, best[1]))):
@@ -304,43 +308,9 @@ def _cut(runs, spans, labels) -> tuple[Positions, Positions | None]:
     return positions, gyroscope if len(gyroscope) == len(positions) else None
 
 
-def _require_unit(positions: Positions, runs, gravity: float) -> None:
-    """Raises `InputError` where rests are far from gravity: a wrong unit or scale."""
-    length = float(np.median(np.linalg.norm(positions.means, axis=1)))
-    if 0.5 * gravity < length < 1.7 * gravity:
-        return
-    recording = runs[0].recording
-    unit = recording.declaration.get("unit", recording.unit)
-    mend = "check unit and scale"
-    if 0.5 < length < 1.7:
-        mend = 'that is 1 g: declare unit = "g"'
-    elif 0.5 < length / gravity**2 < 1.7:
-        mend = 'gravity was multiplied twice: declare unit = "m/s^2"'
-    raise InputError(
-        Problem(
-            recording.file,
-            "unit",
-            f"at rest the accelerometer reads {length:.3g} m/s² with unit {unit!r}, "
-            f"but gravity is {gravity:.3g} m/s²",
-            mend,
-        )
-    )
-
-
-def _in_motion(positions: Positions) -> dict[int, str]:
-    """Rests labelled by hand during which the device was moved."""
-    scatter = np.array([np.sqrt(s.var(axis=0).sum()) for s in positions.samples])
-    quiet = np.quantile(scatter, 0.25)
-    return {
-        i: f"the device was in motion: its readings scatter {scatter[i] / quiet:.0f} times as much as in "
-        "the quietest rests"
-        for i in np.flatnonzero(scatter > IN_MOTION * quiet)
-    }
-
-
 def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep) -> Found:
     """Sets aside what is no rest, with the reason."""
-    reasons = {**_saturated(positions, runs), **_turning(positions), **motion}
+    reasons = {**saturated(positions, runs), **turning(positions), **motion}
     for i, length in enumerate(np.linalg.norm(positions.means, axis=1)):
         if not 0.3 * STANDARD_GRAVITY < length < 3 * STANDARD_GRAVITY:
             reasons[i] = f"it reads {length:.3g} m/s², which is not gravity"
@@ -357,77 +327,6 @@ def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep)
         threshold,
         sweep,
     )
-
-
-def _require_labels(positions: Positions, recordings: Sequence[Recording]) -> None:
-    """Raises `InputError` where no label holds a sample of its recording."""
-    if not len(positions):
-        first = recordings[0]
-        ends = f"{np.nanmin(first.time):.6g} to {np.nanmax(first.time):.6g} s"
-        raise InputError(
-            Problem(
-                first.file, "segments", f"no label lies within the recording, which lasts from {ends}",
-                "give start and end in the recording's own time and time_unit",
-            )
-        )  # fmt: skip
-
-
-def _unused_labels(
-    positions: Positions, recordings: Sequence[Recording]
-) -> tuple[tuple[str, str], ...]:
-    """Labels that hold no sample."""
-    spans = zip(positions.runs, positions.spans, strict=True)
-    used = {(int(r), float(a), float(b)) for r, (a, b) in spans}
-    return tuple(
-        (f"{s.label} ({s.start:.1f}–{s.end:.1f} s)", "it holds no sample of the recording")
-        for r, recording in enumerate(recordings)
-        for s in recording.segments
-        if (r, s.start, s.end) not in used
-    )
-
-
-def _saturated(positions: Positions, runs) -> dict[int, str]:
-    """Rests at the end of the range: an extreme that is reached elsewhere, too, and never passed.
-
-    A converter coarser than the noise reads one or two values in every rest, which says nothing.
-    """
-    found = {}
-    if not len(positions):
-        return found
-    resolved = [
-        np.median([len(np.unique(s[:, axis])) for s in positions.samples]) >= RESOLVED
-        for axis in range(3)
-    ]
-    for r, run in enumerate(runs):
-        for axis in np.flatnonzero(resolved):
-            column = run.values[:, axis]
-            for extreme in (column.max(), column.min()):
-                places = np.flatnonzero(np.diff(np.r_[False, column == extreme].astype(int)) == 1)
-                for i in np.flatnonzero(positions.runs == r):
-                    share = float(np.mean(positions.samples[i][:, axis] == extreme))
-                    # Once is enough where nothing but the extreme is read.
-                    if share > SATURATED and (len(places) > 1 or share > 0.9):
-                        found[i] = (
-                            f"{'xyz'[axis]} is saturated: {100 * share:.0f} % of its samples are at "
-                            f"{extreme:.5g} m/s², which the recording never passes; choose a wider range"
-                        )
-    return found
-
-
-def _turning(positions: Positions) -> dict[int, str]:
-    """Rests during which the mean direction moves: a slow hand, not a table."""
-    found = {}
-    for i, samples in enumerate(positions.samples):
-        n = len(samples) // 3
-        if n < 5:
-            continue
-        first, last = samples[:n].mean(axis=0), samples[-n:].mean(axis=0)
-        noise = np.sqrt(2 * samples.var(axis=0).sum() / n)
-        moved = np.linalg.norm(last - first)
-        angle = np.degrees(moved / np.linalg.norm(samples.mean(axis=0)))
-        if angle > STILL and moved > 5 * noise:
-            found[i] = f"the device was turned by {angle:.1f}° meanwhile"
-    return found
 
 
 def _residual(positions: Positions, gravity: float) -> float | None:

@@ -49,7 +49,7 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
             "name": sensor,
             "noise": _noise_rows(sensor, result, found["checks"]),
             "thermal": _thermal_rows(sensor, result.get("thermal", {})),
-            "calibration": _calibration(sensor, result),
+            "calibration": _calibration(sensor, result, found["checks"]),
         }
         for sensor, result in ordered
     ]
@@ -192,7 +192,12 @@ def _noise_rows(
     """A row a quantity: those always shown, those that are visible, and those with a limit."""
     noise = result.get("noise", {})
     mine = [check for check in checks if check["sensor"] == sensor]
-    limited = dict.fromkeys(check["quantity"] for check in mine)
+    limited = dict.fromkeys(
+        check["quantity"]
+        for check in mine
+        # Those of a calibration stand in its own table, where there is one.
+        if check["quantity"] not in CALIBRATED or not calibration_estimates(result)
+    )
     axes = [noise.get(axis, {}) for axis in AXES] if "x" in noise else []
     shown = [q for q in NAMES if axes and (q in ALWAYS or any(axis.get(q) for axis in axes))]
     wanted = (*shown, *(quantity for quantity in limited if quantity not in shown))
@@ -303,6 +308,7 @@ def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
+CALIBRATED = ("bias", "scale_factor_error", "misalignment")
 METHODS = {
     "six_position": "six positions",
     "recursive": "six positions, recursive",
@@ -311,23 +317,34 @@ METHODS = {
 }
 
 
-def _calibration(sensor: str, result: dict[str, Any]) -> dict[str, Any] | None:
+def _calibration(
+    sensor: str, result: dict[str, Any], checks: list[dict[str, Any]]
+) -> dict[str, Any] | None:
     """A calibration as a table, with a line on how it was found and what it leaves."""
     estimates = calibration_estimates(result)
     if not estimates:
         return None
     c = result["calibration"]
     rows = []
-    for quantity in ("bias", "scale_factor_error", "misalignment"):
+    for quantity in CALIBRATED:
         label, scale = quantity_unit(sensor, quantity)
+        mine = [c for c in checks if (c["sensor"], c["quantity"]) == (sensor, quantity)]
+        limit = ", ".join(
+            dict.fromkeys(
+                f"{'≤' if c['bound'] == 'max' else '≥'} {c['limit'] / scale:.4g}" for c in mine
+            )
+        )
         cells = []
         for (name, axes), numbers in estimates.items():
             if name == quantity:
                 value, low, high = interval(*(n / scale for n in numbers))
-                cells.append({"axis": axes, "value": value, "interval": f"{low} … {high}"})
+                verdict = overall([c for c in mine if c["axis"] == axes[0]])
+                cells.append({"axis": axes, "value": value, "interval": f"{low} … {high}",
+                              "verdict": verdict, "symbol": SYMBOLS[verdict]})  # fmt: skip
         for k in range(0, len(cells), 3):
             part = cells[k : k + 3] + [None] * (3 - len(cells[k : k + 3]))
-            rows.append({"name": quantity_name(sensor, quantity), "unit": label, "cells": part})
+            name = quantity_name(sensor, quantity)
+            rows.append({"name": name, "unit": label, "cells": part, "limit": limit})
     method = METHODS.get(c["method"], c["method"])
     count = f"{c['motions']} motions" if "motions" in c else f"{c.get('positions', 0)} rests"
     return {"rows": rows, "about": f"{method}, {count}; {_left(sensor, c)}"}
