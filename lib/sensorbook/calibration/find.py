@@ -225,6 +225,18 @@ def _named(found: Found, file: str) -> tuple[Found, np.ndarray]:
     return replace(found, positions=kept, aside=tuple(aside)), directions
 
 
+def gyroscopes_of(device) -> tuple[Recording, ...]:
+    """The gyroscope's recordings of positions; none where they cannot be read, which is theirs to say."""
+    try:
+        return (
+            tuple(device.runs("gyroscope", "positions"))
+            if "positions" in device.kinds("gyroscope")
+            else ()
+        )
+    except InputError:
+        return ()
+
+
 def accelerometers_of(device, gyroscopes: Sequence[Recording]) -> tuple[Recording, ...]:
     """The accelerometer's recordings of positions in the same time base as the gyroscope's.
 

@@ -95,10 +95,13 @@ def norm_errors(model: ErrorModel, positions: Positions, gravity: float) -> np.n
 
 
 def folds(positions: Positions) -> np.ndarray:
-    """(P,) which fold each position belongs to: its recording, or one of five where there is one."""
+    """(P,) which fold each position belongs to: its recording, or one of five where there is one.
+
+    Of fewer than fifteen positions each is a fold of its own, or too few would remain.
+    """
     if len(np.unique(positions.runs)) > 1:
         return np.unique(positions.runs, return_inverse=True)[1]
-    return np.arange(len(positions)) % FOLDS
+    return np.arange(len(positions)) % (FOLDS if len(positions) >= 3 * FOLDS else len(positions))
 
 
 def held_out(positions: Positions, gravity: float, free: np.ndarray, data: str) -> np.ndarray:
@@ -120,8 +123,13 @@ def require_coverage(positions: Positions, gravity: float, free: np.ndarray) -> 
     directions = directions_of_rests(positions, gravity)
     if len(positions):
         found = coverage(directions, free)
-        if enough(count)(found):
+        if enough(count)(found) and len(positions) > count:
             return found
+        if enough(count)(found):
+            raise Refusal(
+                f"{count} positions give {count} parameters exactly, and nothing to judge them by.",
+                "Record three positions more, or better eighteen in all.",
+            )
         add = positions_to_add(directions, free, enough(count))
         alike = len(positions) - found.distinct
         reason = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -39,30 +40,30 @@ class Positions:
     def __len__(self) -> int:
         return len(self.samples)
 
-    @property
+    @cached_property
     def counts(self) -> np.ndarray:
         """(P,) samples in each rest."""
         return np.array([len(s) for s in self.samples])
 
-    @property
+    @cached_property
     def means(self) -> np.ndarray:
         """(P, 3) mean reading of each rest."""
         return np.array([s.mean(axis=0) for s in self.samples]).reshape(-1, 3)
 
-    @property
+    @cached_property
     def covariances(self) -> np.ndarray:
         """(P, 3, 3) covariance of each mean: the samples' own over their number (white noise).
 
         A rest whose samples are all alike has the rounding of the mean of others: their median.
         """
         each = np.array([np.cov(s.T) / len(s) for s in self.samples]).reshape(-1, 3, 3)
-        each = each + (self.coarse * self.steps**2 / 12)[:, None, :] * np.eye(3)
+        each = each + self.rounding[:, None, :] * np.eye(3)
         size = np.trace(each, axis1=1, axis2=2)
         typical = np.median(size[size > 0]) if (size > 0).any() else 1.0
         floor = 1e-2 * typical / 3  # no axis of any rest is taken for a hundred times better
         return each + floor * np.eye(3)
 
-    @property
+    @cached_property
     def steps(self) -> np.ndarray:
         """(3,) smallest difference of two readings of an axis: the converter's step, or less."""
         found = np.zeros(3)
@@ -74,13 +75,25 @@ class Positions:
             found[axis] = gaps.min() if len(gaps) else 0.0
         return found
 
-    @property
-    def coarse(self) -> np.ndarray:
-        """(P, 3) where the noise of a rest does not reach over a converter's step: its mean is rounded."""
-        scatter = np.array([s.std(axis=0) for s in self.samples]).reshape(-1, 3)
-        return scatter < 0.3 * self.steps
+    @cached_property
+    def rounding(self) -> np.ndarray:
+        """(P, 3) variance of a mean by rounding, which more samples do not lower.
+
+        ``q²/12 · exp(−4π²σ²/q²)`` for noise σ and step q: nothing above half a step of noise (Widrow &
+        Kollár 2008, chapter 4), all of the step without any.
+        """
+        step = np.where(self.steps > 0, self.steps, np.inf)
+        seen = np.array([s.var(axis=0) for s in self.samples]).reshape(-1, 3)
+        noise = np.maximum(seen / step**2 - 1 / 12, 0)
+        return self.steps**2 / 12 * np.exp(-4 * np.pi**2 * noise)
 
     @property
+    def coarse(self) -> np.ndarray:
+        """(P, 3) where rounding outweighs the white noise of a mean."""
+        white = np.array([s.var(axis=0) / len(s) for s in self.samples]).reshape(-1, 3)
+        return self.rounding > white
+
+    @cached_property
     def slow_noise(self) -> float:
         """Variance of the means over what white noise gives, at least 1, pooled over rests and axes.
 

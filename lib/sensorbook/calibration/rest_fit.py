@@ -104,9 +104,8 @@ def fit_rests(
     for j, line in enumerate(lines):
         at = np.r_[j, 3 + total * j + np.arange(total)]
         covariance[np.ix_(at, at)] = line.covariance
-    # Rests that all read one count share its rounding, which no average takes away.
-    rounding = positions.steps**2 / 12 * positions.coarse.all(axis=0)
-    covariance[:3, :3] += np.diag(rounding)
+    # Rests that read the same counts share their rounding, which no average takes away.
+    covariance[:3, :3] += np.diag(positions.rounding.mean(axis=0))
     if latitude is None:
         # ω_e sin φ along the specific force looks like a sensitivity of all three axes alike.
         own = 3 + np.flatnonzero(np.eye(3, dtype=bool)[g_free])

@@ -164,9 +164,10 @@ def _require_turns(motions: Motions) -> None:
     if useful < FEWEST:
         raise Refusal(
             f"There are {useful} motions of at most {LONGEST:g} s between two rests that turn the "
-            f"device by more than {SMALLEST_TURN:g}°, and {FEWEST} are needed for the nine scale factors "
-            "and misalignments of a gyroscope.",
-            "Go from rest to rest through 18 positions or more, turning by 90° about x, y and z.",
+            f"device by more than {SMALLEST_TURN:g}° and have all their samples, and {FEWEST} are needed for "
+            "the nine scale factors and misalignments of a gyroscope.",
+            "Go from rest to rest through 18 positions or more, turning by 90° about x, y and z, and "
+            "record without losses.",
         )
     spun = float(np.median(np.linalg.norm(motions.turns, axis=2).sum(axis=1)))
     if spun > SPUN:

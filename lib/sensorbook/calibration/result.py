@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,10 @@ from scipy import stats
 from sensorbook import units
 from sensorbook.calibration.model import ErrorModel, parameter_names
 from sensorbook.earth import STANDARD_GRAVITY
+
+KNOWN_GRAVITY = (
+    1e-3  # m/s²; seldom does gravity depart by more from the normal one at a known place
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,19 @@ class Calibration:
     def interval_factor(self) -> float:
         """Half width of the 95 % interval in standard errors: Student's t."""
         return float(stats.t.ppf(0.975, max(self.dof, 1)))
+
+    def with_gravity(self, std: float) -> Calibration:
+        """The calibration with gravity's standard error (m/s²) in its own.
+
+        The matrix is proportional to 1/g, the bias does not depend on it. At a known place gravity's
+        anomalies, below `KNOWN_GRAVITY`, are left out.
+        """
+        if std <= KNOWN_GRAVITY:
+            return self
+        entries = np.zeros(len(self.covariance))
+        entries[: self.free.sum()] = self.model.matrix[self.free]
+        added = np.outer(entries, entries) * (std / self.gravity) ** 2
+        return replace(self, covariance=self.covariance + added)
 
     @property
     def correlation(self) -> np.ndarray:

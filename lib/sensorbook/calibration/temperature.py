@@ -7,8 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sensorbook.calibration.adjustment import paule_mandel, rms
+from sensorbook.calibration.coverage import design
 from sensorbook.calibration.model import FREE, ErrorModel
-from sensorbook.calibration.multi_position import multi_position
+from sensorbook.calibration.multi_position import (
+    MAX_CONDITION,
+    directions_of_rests,
+    multi_position,
+)
 from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.result import Calibration
 from sensorbook.errors import Refusal
@@ -73,8 +78,8 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
     positions : with temperatures, at several of them (`several_temperatures`)
 
     No position is set aside: what does not fit one temperature may fit another. The degree is the
-    simplest whose error on whole recordings left out is within two standard errors of the best. A
-    recording left out counts where the others cover its temperature.
+    simplest whose error on whole recordings left out is within two standard errors of the best, among
+    those that the directions at each temperature determine.
     """
     positions = by_temperature(positions)
     warmth = positions.temperature
@@ -83,11 +88,15 @@ def fit_temperature(calibration: Calibration, positions: Positions) -> Temperatu
     half = max(high - reference, reference - low)
     scaled = (warmth - reference) / half
     levels = len(np.unique(np.round(warmth / SAME)))
+    usable = [
+        d
+        for d in DEGREES[: max(1, levels - 1)]
+        if _condition(positions, scaled, d, calibration.gravity) <= MAX_CONDITION
+    ]
     errors: dict[int, np.ndarray] = {}
-    for degree in DEGREES[: max(1, levels - 1)]:
-        held = _left_out(positions, scaled, degree, calibration)
-        if held is not None:
-            errors[degree] = held
+    while usable and not errors:
+        errors = _left_out(positions, scaled, usable, calibration)
+        usable = usable[:-1]
     degree = _choose(errors)
     held = {d: float(np.sqrt(e.mean())) for d, e in errors.items()}
     alone = _by_run(positions, calibration.gravity)
@@ -141,21 +150,35 @@ def _by_run(positions: Positions, gravity: float) -> tuple[tuple[float, np.ndarr
     return tuple(found)
 
 
-def _left_out(positions, scaled, degree, start) -> np.ndarray | None:
-    """Squares of ``‖a‖ − g`` of each position by a fit without its recording, where others cover it."""
-    found = []
+def _condition(positions: Positions, scaled: np.ndarray, degree: int, gravity: float) -> float:
+    """Condition number of the joint design: what no position shows away from the reference is not known."""
+    u = directions_of_rests(positions, gravity)
+    terms = [design(u, FREE[9])]
+    terms += [np.hstack([u**2, u]) * scaled[:, None] ** k for k in range(1, degree + 1)]
+    singular = np.linalg.svd(np.hstack(terms), compute_uv=False)
+    full = len(singular) == sum(t.shape[1] for t in terms) and singular[-1] > 0
+    return float(singular[0] / singular[-1]) if full else np.inf
+
+
+def _left_out(positions, scaled, degrees, start) -> dict[int, np.ndarray]:
+    """By degree, squares of ``‖a‖ − g`` of each position by a fit without its recording.
+
+    The recordings at the ends count, too: of three temperatures the middle alone would not tell a
+    straight line from none. Where the rest does not determine the highest degree, none is scored by it.
+    """
+    errors: dict[int, list[np.ndarray]] = {d: [] for d in degrees}
     for r in np.unique(positions.runs):
         out = positions.runs == r
-        inside = (scaled[out] >= scaled[~out].min() - 0.05) & (
-            scaled[out] <= scaled[~out].max() + 0.05
-        )
-        if inside.mean() < 0.5:
+        if (
+            _condition(positions[~out], scaled[~out], degrees[-1], start.gravity)
+            > 2 * MAX_CONDITION
+        ):
             continue
-        base, coefficients, *_ = _fit(positions, scaled, degree, start, ~out)
-        found.append(
-            _errors(base, coefficients, positions.means[out], scaled[out], start.gravity) ** 2
-        )
-    return np.concatenate(found) if found else None
+        for degree in degrees:
+            base, coefficients, *_ = _fit(positions, scaled, degree, start, ~out)
+            left = _errors(base, coefficients, positions.means[out], scaled[out], start.gravity)
+            errors[degree].append(left**2)
+    return {d: np.concatenate(e) for d, e in errors.items() if e}
 
 
 def _choose(errors: dict[int, np.ndarray]) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from sensorbook import units
 from sensorbook.reporting import chapters
 
 AXES = ("x", "y", "z")
-KNOWN_GRAVITY = 1e-3  # m/s²: anomalies at a known place, which leave the intervals as they are
 SCHEMA = Path(__file__).with_name("results.schema.json")
 
 
@@ -221,14 +219,11 @@ def calibration_estimates(
     """Value and 95 % interval of a calibration's numbers by quantity and axis, SI.
 
     `bias` and `scale_factor_error` have the axes x, y and z, `misalignment` the pairs that were free.
-    Where the place is not known well, gravity's uncertainty, which scales the matrix, is included.
     """
     calibration = result.get("calibration") or {}
     if calibration.get("matrix") is None or calibration.get("method") is None:
         return {}
     std, factor = calibration["std"], calibration.get("interval_factor", 1.96)
-    unsure = calibration.get("gravity_std") or 0.0
-    relative = 1.96 * unsure / calibration["gravity"] if unsure > KNOWN_GRAVITY else 0.0
     found = {}
     for i, axis in enumerate(AXES):
         value, half = calibration["bias"][i], factor * std["bias"][i]
@@ -236,10 +231,7 @@ def calibration_estimates(
     for i, row in enumerate(AXES):
         for j, column in enumerate(AXES):
             entry = calibration["matrix"][i][j]
-            value, half = (
-                entry - (i == j),
-                math.hypot(factor * std["matrix"][i][j], relative * entry),
-            )
+            value, half = entry - (i == j), factor * std["matrix"][i][j]
             if i == j:
                 found["scale_factor_error", row] = (value, value - half, value + half)
             elif std["matrix"][i][j]:
