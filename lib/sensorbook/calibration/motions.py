@@ -256,10 +256,12 @@ def judged_turns(
         if "positions" in device.kinds("accelerometer")
         else ()
     )
-    accelerometers = [a for a in runs if beside(a, gyroscopes)]
+    accelerometers = [a for a in runs if a.declaration.get("check") and beside(a, gyroscopes)]
     if not accelerometers:
         return None
     found = find_positions(accelerometers, gyroscopes, gravity)
+    if found.gyroscope is None:
+        return None
     true = level.correct(found.positions.means)
     unit = true / np.linalg.norm(true, axis=1)[:, None]
     directions = Directions(unit, true, np.zeros((len(unit), 3, 0)))
