@@ -122,9 +122,9 @@ def test_samples_one_by_one_give_the_same_numbers_and_claim_too_much(data):
     ("directions", "words"),
     [
         (FACES, "6 rests in 6 distinct directions do not determine 9 parameters"),
-        (np.vstack([FACES, FACES[:1]]), "7 rests in 6 distinct directions (1 repeat others"),
+        (np.vstack([FACES, FACES[:1]]), "7 rests in 6 distinct directions (1 alike within"),
         (FACES[[0, 2, 4]], "3 rests in 3 distinct directions"),
-        (np.tile(FACES[:1], (12, 1)), "12 rests in 1 distinct direction"),
+        (np.tile(FACES[:1], (12, 1)), "12 rests in 1 distinct direction "),
     ],
 )
 def test_what_cannot_be_determined_is_refused_with_what_to_add(directions, words):

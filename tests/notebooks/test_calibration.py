@@ -198,7 +198,7 @@ def test_all_positions_alike(tmp_path):
     )
     reason = render(folder, tmp_path / "r").status("accelerometer", "multi_position")[1]
     assert "in 1 distinct direction" in reason
-    assert "repeat others within 15°" in reason
+    assert "alike within 15°" in reason
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,13 @@ def saturated(positions: Positions, runs) -> dict[int, str]:
     ]
     for r, run in enumerate(runs):
         for axis in np.flatnonzero(resolved):
+            for i in np.flatnonzero(positions.runs == r):
+                if not np.ptp(positions.samples[i][:, axis]):
+                    value = positions.samples[i][0, axis]
+                    found[i] = (
+                        f"{'xyz'[axis]} reads {value:.5g} m/s² throughout, as no working sensor does: it is "
+                        "saturated or frozen; choose a wider range"
+                    )
             column = run.values[:, axis]
             for extreme in (column.max(), column.min()):
                 places = np.flatnonzero(np.diff(np.r_[False, column == extreme].astype(int)) == 1)

@@ -133,8 +133,8 @@ def require_coverage(positions: Positions, gravity: float, free: np.ndarray) -> 
         add = positions_to_add(directions, free, enough(count))
         alike = len(positions) - found.distinct
         reason = (
-            f"{len(positions)} rests in {found.distinct} distinct directions"
-            + (f" ({alike} repeat others within 15°)" if alike else "")
+            f"{_count(len(positions), 'rest')} in {_count(found.distinct, 'distinct direction')}"
+            + (f" ({alike} alike within 15°)" if alike else "")
             + f" do not determine {count} parameters from the length of gravity alone: "
             + (
                 "the condition number is beyond 10⁸"
@@ -295,3 +295,7 @@ def directions_of_rests(positions: Positions, gravity: float) -> np.ndarray:
         means = np.where(seen, (means - centre) / np.where(seen, half, 1) * gravity, means)
     length = np.linalg.norm(means, axis=1)
     return means / np.where(length, length, 1)[:, None]
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
