@@ -65,6 +65,17 @@ class Repeatability:
         }
 
 
+def repeat_words(found: Repeatability) -> str:
+    """The verdict in words."""
+    if not found.repeatable:
+        return "**it does not repeat**."
+    if not found.visible:
+        return "no dependence is visible in either, so that none can fail to repeat."
+    if found.variation > VARIATION:
+        return "that is within their errors, and one predicts the other: it repeats as far as this shows."
+    return "it repeats."
+
+
 def compare_cycles(sweep: Sweep, y: np.ndarray, predicted: bool) -> Repeatability | None:
     """Slopes of one axis `y` (M,) in each run of `sweep`, each run a cycle.
 
