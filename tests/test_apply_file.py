@@ -393,3 +393,61 @@ def test_the_command(tmp_path, log, capsys):
         == 1
     )
     assert "cannot be read" in capsys.readouterr().err
+
+
+def test_between_blanks_a_missing_number_stays_a_cell(tmp_path):
+    a, w = truth()
+    frame = raw_frame(a, w)
+    frame.loc[5, "ay"] = np.nan
+    frame.to_csv(tmp_path / "log.txt", index=False, sep=" ", na_rep="nan")
+    apply_file(results(tmp_path, **BOTH), tmp_path / "log.txt", tmp_path / "out.txt")
+    lines = (tmp_path / "out.txt").read_text().splitlines()
+    assert {len(line.split()) for line in lines} == {7}
+    assert lines[6].split().count("nan") == 3
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_marks_of_encoding_stay(tmp_path, encoding):
+    a, w = truth()
+    raw_frame(a, w).to_csv(tmp_path / "log.csv", index=False, encoding=encoding)
+    apply_file(results(tmp_path, **BOTH), tmp_path / "log.csv", tmp_path / "out.csv")
+    before, after = ((tmp_path / n).read_bytes()[:3] for n in ("log.csv", "out.csv"))
+    assert before == after
+    found = pd.read_csv(tmp_path / "out.csv", encoding=encoding)
+    np.testing.assert_allclose(back(found)[0], a, atol=2e-7)
+
+
+def test_a_preamble_with_odd_line_breaks(tmp_path):
+    a, w = truth()
+    text = "Logger\x0b v1 \u2028 x\n" + raw_frame(a, w).to_csv(index=False)
+    (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+    apply_file(results(tmp_path, **BOTH), tmp_path / "log.csv", tmp_path / "out.csv")
+    found = pd.read_csv(tmp_path / "out.csv", skiprows=1)
+    assert len(found) == len(a)
+    np.testing.assert_allclose(back(found)[0], a, atol=2e-7)
+
+
+def test_a_sensor_left_raw_is_said(tmp_path, log):
+    text = (tmp_path / "log.csv").read_text()
+    (tmp_path / "other.csv").write_text(text.replace("ax,", "Ax,", 1))
+    applied = apply_file(log, tmp_path / "other.csv", tmp_path / "out.csv")
+    assert [d.split(":")[0] for d in applied.done] == ["gyroscope"]
+    assert any(
+        "accelerometer: left as it is, column 'ax' there is no such column" in w
+        for w in applied.warnings
+    )
+
+
+def test_a_csv_of_a_device_that_was_recorded_in_a_database(tmp_path, log):
+    where = results(tmp_path, **BOTH, inputs=[A | {"table": "acc"}, W | {"table": "gyr"}])
+    applied = apply_file(where, tmp_path / "log.csv", tmp_path / "out.csv")
+    assert len(applied.done) == 2
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [{"matrix": [[0, 0, 0]] * 3}, {"matrix": [[1, 2]]}, {"bias": None}, {"bias": ["a", 1, 2]}],
+)
+def test_damaged_results(tmp_path, log, damage):
+    where = results(tmp_path, {"calibration": ACCELEROMETER | damage})
+    fails(tmp_path, "sensors.accelerometer.calibration: cannot serve", where=where)

@@ -303,3 +303,40 @@ def test_accelerometers_beside_a_gyroscope():
     assert accelerometers_of(Device(), [w]) == (a,)
     with pytest.raises(Refusal, match="Record both sensors in one file"):
         accelerometers_of(Device(), [replace(w, file="other.csv", start=1e7)])
+
+
+def test_a_face_clipped_throughout_is_saturated_though_seen_once():
+    a, _, made = moved(90, FACES, 0.3, initial=0.0)
+    rest = made["rests"][0]
+    values = a.values.copy()
+    inside = (a.time > rest["start"] - 1) & (a.time < rest["end"] + 0.2)
+    values[inside] = np.minimum(values[inside], 9.3)
+    found, up = find_faces([replace(a, values=values)], G)
+    assert len(up) == 5
+    assert any("saturated or frozen" in reason for _, reason in found.aside)
+
+
+def test_a_stretch_of_zeros_is_no_rest():
+    a, w, made = moved(91)
+    rest = made["rests"][4]
+    values = a.values.copy()
+    values[(a.time > rest["start"]) & (a.time < rest["end"])] = 0.0
+    found = find_positions([replace(a, values=values)], [w], G)
+    assert any("throughout" in r or "is not gravity" in r for _, r in found.aside)
+
+
+def test_rests_that_are_too_short_are_counted():
+    a, w, _ = moved(92, seconds=(1.2, 1.3))
+    found = find_positions([a], [w], G)
+    # 18 rests and the initial one, most of them too short once their ends are cut.
+    assert found.short >= 8
+    assert found.short + len(found.positions) >= 18
+
+
+def test_labels_outside_are_said():
+    a, w, made = moved(93)
+    more = (Segment("late", 1e5, 1e5 + 9),)
+    found = find_positions([replace(a, segments=labelled(a, made) + more)], [w], G)
+    assert ("late (100000.0–100009.0 s)", "it holds no sample of the recording") in found.aside
+    with pytest.raises(InputError, match="no label lies within the recording"):
+        find_positions([replace(a, segments=more)], [w], G)

@@ -148,3 +148,50 @@ def test_a_wrong_gravity_scales_the_result():
     a, b = (multi_position(positions, g, check=False).model for g in (G, 1.001 * G))
     np.testing.assert_allclose(a.matrix, 1.001 * b.matrix, atol=1e-7)
     np.testing.assert_allclose(a.bias, b.bias, atol=1e-6)
+
+
+def test_two_positions_that_hide_each_other_are_both_named():
+    rng = np.random.default_rng(20)
+    good = rests(by_hand(EIGHTEEN, 4, rng), rng)
+    parts = list(good.samples)
+    for k, sign in ((3, 1), (11, -1)):
+        parts[k] = parts[k] + 0.1 * sign * EIGHTEEN[k]
+    fit = multi_position(type(good)(tuple(parts), good.spans, good.labels, good.runs), G)
+    assert set(np.flatnonzero(~fit.kept)) == {3, 11}
+    assert np.abs(fit.values - TRUE).max() < 3e-3
+
+
+def test_nine_positions_leave_nothing_to_judge_by():
+    rng = np.random.default_rng(21)
+    nine = np.vstack([FACES, EIGHTEEN[[6, 10, 14]], EIGHTEEN[[9]]])
+    with pytest.raises(Refusal):
+        multi_position(rests(nine[:9], rng), G)
+    ten = np.vstack([EIGHTEEN[::2], EIGHTEEN[1::3]])
+    fit = multi_position(rests(ten, rng), G)
+    assert fit.dof == len(ten) - 9
+    assert np.isfinite(fit.rms_check)
+
+
+def test_gravity_s_uncertainty_is_that_of_the_matrix_alone():
+    rng = np.random.default_rng(22)
+    fit = multi_position(rests(EIGHTEEN, rng), G)
+    wide = fit.with_gravity(0.02)
+    np.testing.assert_array_equal(wide.std_of("bias"), fit.std_of("bias"))
+    added = np.sqrt(wide.std_of("matrix") ** 2 - fit.std_of("matrix") ** 2)
+    np.testing.assert_allclose(np.diag(added), 0.02 / G * np.diag(fit.model.matrix), rtol=1e-6)
+    assert fit.with_gravity(5e-4) is fit
+
+
+def test_rounding_is_in_the_intervals():
+    """A converter eight times as coarse as the noise: the means are off by some of a step."""
+    rng = np.random.default_rng(23)
+    fine = rests(by_hand(EIGHTEEN, 4, rng), rng, wander=0)
+    step = 0.08
+    coarse = type(fine)(
+        tuple(step * np.rint(s / step) for s in fine.samples), fine.spans, fine.labels, fine.runs
+    )
+    assert coarse.coarse.mean() > 0.5
+    assert not fine.coarse.any()
+    fit = multi_position(coarse, G)
+    assert fit.std[-1] > 5 * multi_position(fine, G).std[-1]
+    assert (np.abs(fit.values - TRUE) < 2 * fit.interval_factor * fit.std).all()

@@ -257,3 +257,34 @@ def test_turned_angles():
     angles = np.degrees(turned_angles(motions))
     assert (angles < 181).all()
     assert angles.mean() > 60
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            lambda w: w[:, [1, 0, 2]],
+            "axes are not the accelerometer's|does not carry the direction",
+        ),
+        (lambda w: w * [-1, 1, 1], "axes are not the accelerometer's|does not carry the direction"),
+        (lambda w: np.clip(w, -0.5, 0.5), "does not carry the direction of gravity"),
+        (lambda w: np.degrees(w), "By its unit the gyroscope turns by"),
+    ],
+)
+def test_a_gyroscope_that_does_not_fit_is_refused(change, words):
+    a, w, _ = moved(70)
+    motions, fit = calibrated(a, replace(w, values=change(np.asarray(w.values))))
+    with pytest.raises(Refusal, match=words):
+        rest_to_rest(motions, fit, G)
+
+
+def test_a_clock_three_seconds_off_is_refused():
+    a, w, _ = moved(71)
+    found = find_positions([a], [w], G)
+    level = multi_position(found.positions, G)
+    directions = Directions.by(level, found.positions)
+    fit = fit_rests(found.gyroscope, directions.acceleration, LATITUDE)
+    late = replace(w, time=w.time + 1.5)
+    motions = all_motions([late], [a], found, directions, level.model, fit)
+    with pytest.raises(Refusal, match="share one clock"):
+        rest_to_rest(motions, fit, G)

@@ -81,3 +81,47 @@ def test_one_temperature_is_not_several():
     assert several_temperatures(at_temperatures((10, 25, 40), 5))
     rng = np.random.default_rng(6)
     assert not several_temperatures(rests(EIGHTEEN, rng))
+
+
+def test_what_the_directions_do_not_show_is_not_fitted():
+    """Away from the first temperature only the x–y plane was seen: nothing tells of z there."""
+    rng = np.random.default_rng(7)
+    plane = EIGHTEEN[np.abs(EIGHTEEN[:, 2]) < 0.1]
+    parts = [rests(by_hand(EIGHTEEN, 4, rng), rng, temperature=np.full(18, 10.0))]
+    for r, warmth in enumerate((20.0, 30.0, 40.0), start=1):
+        n = len(plane)
+        parts.append(
+            rests(by_hand(plane, 2, rng), rng, runs=np.full(n, r), temperature=np.full(n, warmth))
+        )
+    first = parts[0]
+    joined = type(first)(
+        sum((p.samples for p in parts), ()),
+        np.vstack([p.spans for p in parts]),
+        sum((p.labels for p in parts), ()),
+        np.concatenate([p.runs for p in parts]),
+        np.concatenate([p.temperature for p in parts]),
+    )
+    fit = fitted(joined)
+    assert fit.degree == 0
+    assert fit.calibration.temperature is None
+
+
+def test_three_temperatures_tell_a_line_from_none():
+    found = [
+        fitted(at_temperatures((15, 25, 35), [seed, 8], bias=(0.001, -0.0008, 0.0012))).degree
+        for seed in range(8)
+    ]
+    assert found.count(1) >= 7
+
+
+def test_levels_of_one_recording_are_its_cycles():
+    several = at_temperatures((10, 20, 30, 40), 9, bias=(0.004, 0, -0.002))
+    one = type(several)(
+        several.samples,
+        several.spans,
+        several.labels,
+        np.zeros(len(several), dtype=int),
+        several.temperature,
+    )
+    assert several_temperatures(one)
+    assert fitted(one).degree == 1

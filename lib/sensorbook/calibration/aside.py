@@ -122,7 +122,7 @@ def turning(positions: Positions) -> dict[int, str]:
         first, last = samples[:n].mean(axis=0), samples[-n:].mean(axis=0)
         noise = np.sqrt(2 * samples.var(axis=0).sum() / n)
         moved = np.linalg.norm(last - first)
-        angle = np.degrees(moved / np.linalg.norm(samples.mean(axis=0)))
+        angle = np.degrees(moved / max(np.linalg.norm(samples.mean(axis=0)), 1e-300))
         if angle > STILL and moved > 5 * noise:
             found[i] = f"the device was turned by {angle:.1f}° meanwhile"
     return found
