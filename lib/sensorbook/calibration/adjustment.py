@@ -50,8 +50,8 @@ def outliers(residuals: np.ndarray, design: np.ndarray, most: int) -> tuple[int,
     free = np.eye(p) - orthogonal @ orthogonal.T
     total = float(residuals @ residuals)
     best, chosen = SIGNIFICANCE, ()
-    # What hides among others has a residual, too: only the larger half is combined.
-    candidates = np.argsort(-np.abs(residuals))[: max(12, p // 2)]
+    # What hides among others has a residual, too: of the larger half up to forty are combined.
+    candidates = np.argsort(-np.abs(residuals))[: min(max(12, p // 2), 40)]
     for size in range(1, min(most, 3) + 1):
         dof = p - k - size
         if dof < 2:
