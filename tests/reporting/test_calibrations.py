@@ -115,3 +115,21 @@ def test_compare_in_standard_errors(tmp_path):
     (comparison,) = compare([read_results(file) for file in files])
     line = next(t for t in table(comparison) if "scale factor error" in t.lower() and " y " in t)
     assert "3.5" in line  # 5e-4 over √2 · 1e-4
+
+
+def test_index_judges_each_misalignment_by_itself(tmp_path):
+    spec = {"accelerometer": {"misalignment": {"max": 4.0, "unit": "mrad"}}}
+    whole = CALIBRATION | {
+        "matrix": [[1.01, 0, 0], [0.002, 0.98, 0], [0.001, -0.005, 1.0]],
+    }
+    found = assembled(record("multi_position", calibration=whole), spec=spec)
+    (shown,) = [
+        index._calibration("accelerometer", found["sensors"]["accelerometer"], found["checks"])
+    ]
+    cells = [c for row in shown["rows"] if row["name"] == "Misalignment" for c in row["cells"]]
+    assert [(c["axis"], c["verdict"]) for c in cells] == [
+        ("yx", "pass"),
+        ("zx", "pass"),
+        ("zy", "fail"),
+    ]
+    assert [c["verdict"] for c in found["checks"]] == ["pass", "fail"]

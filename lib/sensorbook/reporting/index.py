@@ -13,7 +13,7 @@ from sensorbook import units
 from sensorbook.notebook import duration_words
 from sensorbook.reporting.chapters import CHAPTERS
 from sensorbook.reporting.render import page
-from sensorbook.reporting.results import AXES, calibration_estimates, overall
+from sensorbook.reporting.results import AXES, calibration_estimates, overall, own_verdict
 
 _LINES = 6  # checks told in the banner
 THUMBNAIL_WIDTH = 560  # pixels; shown at half of it
@@ -331,14 +331,17 @@ def _calibration(
         mine = [c for c in checks if (c["sensor"], c["quantity"]) == (sensor, quantity)]
         limit = ", ".join(
             dict.fromkeys(
-                f"{'≤' if c['bound'] == 'max' else '≥'} {c['limit'] / scale:.4g}" for c in mine
+                f"{'≤' if c['bound'] == 'max' else '≥'} {c['limit'] / scale:.6g}" for c in mine
             )
         )
         cells = []
         for (name, axes), numbers in estimates.items():
             if name == quantity:
                 value, low, high = interval(*(n / scale for n in numbers))
-                verdict = overall([c for c in mine if c["axis"] == axes[0]])
+                own = [
+                    c | {"verdict": own_verdict(numbers, c)} for c in mine if c["axis"] == axes[0]
+                ]
+                verdict = overall(own)
                 cells.append({"axis": axes, "value": value, "interval": f"{low} … {high}",
                               "verdict": verdict, "symbol": SYMBOLS[verdict]})  # fmt: skip
         for k in range(0, len(cells), 3):

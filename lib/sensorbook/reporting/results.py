@@ -246,6 +246,13 @@ def _size(estimate: tuple[float, float, float]) -> tuple[float, float, float]:
     return abs(value), nearest, max(abs(low), abs(high))
 
 
+def own_verdict(estimate: tuple[float, float, float], check: dict[str, Any]) -> str:
+    """The verdict on one number of a calibration, where a check is of the worst of its axis."""
+    if check.get("doubt"):
+        return "undecided"
+    return _verdict(*_size(estimate)[1:], check["bound"], check["limit"])
+
+
 def checks(sensor: str, limits: dict[str, dict], result: dict[str, Any]) -> list[dict[str, Any]]:
     """Every limit of [spec.<sensor>] beside the result it is for, an axis a row, in SI units."""
     rows = []
