@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from sensorbook.calibration.adjustment import rms
-from sensorbook.calibration.model import IDEAL, ErrorModel
+from sensorbook.calibration.model import ErrorModel
 from sensorbook.calibration.multi_position import multi_position, norm_errors
 from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.result import Calibration, rounded
@@ -124,8 +124,3 @@ def ranking(errors: dict[str, float]) -> str:
             text += " ≈ " if value < 1.02 * ordered[k - 1][1] else " < "
         text += f"{name} {1000 * value:.3g}"
     return text
-
-
-def uncalibrated(positions: Positions, gravity: float) -> float:
-    """rms of ``‖a‖ − g`` of the readings as they are, m/s²."""
-    return rms(norm_errors(IDEAL, positions, gravity))

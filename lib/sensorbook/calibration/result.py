@@ -97,11 +97,6 @@ class Calibration:
         added = np.outer(entries, entries) * (std / self.gravity) ** 2
         return replace(self, covariance=self.covariance + added)
 
-    @property
-    def correlation(self) -> np.ndarray:
-        """(K, K) correlation matrix of the parameters."""
-        return self.covariance / np.outer(self.std, self.std)
-
     def std_of(self, part: str) -> np.ndarray:
         """Standard errors of "matrix" or "g_sensitivity" (3, 3; zero where fixed), or "bias" (3,)."""
         count = int(self.free.sum())
