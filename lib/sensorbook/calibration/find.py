@@ -121,7 +121,7 @@ def find_positions(
         found = _cut(runs, spans, labels)
         require_labels(found[0], accelerometers)
         require_unit(found[0], runs, gravity)
-        made = _without_bad(runs, *found, in_motion(found[0]), scatters, None, ())
+        made = _without_bad(runs, *found, in_motion(found[0]), scatters, None)
         return replace(made, aside=made.aside + unused_labels(found[0], accelerometers))
     tried = []
     for threshold in THRESHOLDS:
@@ -129,7 +129,7 @@ def find_positions(
         if any(spans):
             found = _cut(runs, spans, None)
             require_unit(found[0], runs, gravity)
-            made = _without_bad(runs, *found, {}, scatters, threshold, ())
+            made = _without_bad(runs, *found, {}, scatters, threshold)
             tried.append((made, _residual(made.positions, gravity)))
     if not tried:
         raise Refusal(
@@ -185,7 +185,7 @@ def find_faces(recordings: Sequence[Recording], gravity: float) -> tuple[Found, 
     for threshold, positions in tried:
         require_unit(positions, runs, gravity)
         motion = in_motion(positions) if threshold is None else {}
-        found = _without_bad(runs, positions, None, motion, scatters, threshold, ())
+        found = _without_bad(runs, positions, None, motion, scatters, threshold)
         named = _named(found, recordings[0].file)
         if best is None or len(set(map(tuple, named[1]))) > len(set(map(tuple, best[1]))):
             best = named
@@ -320,7 +320,7 @@ def _cut(runs, spans, labels) -> tuple[Positions, Positions | None]:
     return positions, gyroscope if len(gyroscope) == len(positions) else None
 
 
-def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep) -> Found:
+def _without_bad(runs, positions, gyroscope, motion, scatters, threshold) -> Found:
     """Sets aside what is no rest, with the reason."""
     reasons = {**saturated(positions, runs), **turning(positions), **motion}
     for i, length in enumerate(np.linalg.norm(positions.means, axis=1)):
@@ -337,7 +337,7 @@ def _without_bad(runs, positions, gyroscope, motion, scatters, threshold, sweep)
         aside,
         scatters,
         threshold,
-        sweep,
+        (),
     )
 
 

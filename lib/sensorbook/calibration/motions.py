@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensorbook.calibration.find import Found, beside, find_positions
+from sensorbook.calibration.find import Found, beside
 from sensorbook.calibration.model import ErrorModel
 from sensorbook.calibration.positions import Positions
 from sensorbook.calibration.rest_fit import RestFit
@@ -237,38 +237,3 @@ def rotation_matrices(vectors: np.ndarray) -> np.ndarray:
     first = np.where(small, 1.0, np.sin(angle) / safe)
     second = np.where(small, 0.5, (1 - np.cos(angle)) / safe**2)
     return np.eye(3) + first * k + second * (k @ k)
-
-
-def judged_turns(
-    gyroscopes: Sequence[Recording],
-    device,
-    gravity: float,
-    level: ErrorModel,
-    fit: RestFit,
-    calibration,
-) -> tuple[float, int] | None:
-    """rms direction error (rad) and number of motions of recordings that were kept out of the fit.
-
-    None where the accelerometer was not recorded beside them, or they hold no motion between rests.
-    """
-    runs = (
-        device.runs("accelerometer", "positions")
-        if "positions" in device.kinds("accelerometer")
-        else ()
-    )
-    accelerometers = [a for a in runs if a.declaration.get("check") and beside(a, gyroscopes)]
-    if not accelerometers:
-        return None
-    found = find_positions(accelerometers, gyroscopes, gravity)
-    if found.gyroscope is None:
-        return None
-    true = level.correct(found.positions.means)
-    unit = true / np.linalg.norm(true, axis=1)[:, None]
-    directions = Directions(unit, true, np.zeros((len(unit), 3, 0)))
-    motions = all_motions(gyroscopes, accelerometers, found, directions, level, fit)
-    if not len(motions):
-        return None
-    end = predicted(motions, np.linalg.inv(calibration.model.matrix))[0]
-    across = np.linalg.norm(np.cross(end, motions.after), axis=1)
-    errors = np.arctan2(across, (end * motions.after).sum(axis=1))
-    return float(np.sqrt(np.mean(errors**2))), len(motions)

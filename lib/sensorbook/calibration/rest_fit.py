@@ -140,6 +140,17 @@ def fit_rests(
     )
 
 
+def scale_by_earth_rate(positions: Positions, fit: RestFit) -> tuple[float, float]:
+    """Scatter of a rest's mean (rad/s), and the relative standard error of a scale factor from rests.
+
+    The Earth's rate is all that a resting gyroscope is turned by; it lies along an axis in a third of
+    the rests' mean square.
+    """
+    white = np.trace(positions.covariances, axis1=1, axis2=2).mean() / 3
+    scatter = float(np.sqrt(white + np.mean(fit.excess**2)))
+    return scatter, scatter / EARTH_RATE / float(np.sqrt(len(positions) / 3))
+
+
 @dataclass(frozen=True, eq=False)
 class _Line:
     """A weighted straight line: intercept and slopes, their covariance, the weighted squares left."""

@@ -8,15 +8,26 @@ from the rests themselves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sensorbook.calibration.adjustment import outliers, rms
+from sensorbook.calibration.find import beside, find_positions
 from sensorbook.calibration.model import FREE, ErrorModel
-from sensorbook.calibration.motions import LONGEST, Motions, predicted, rotation_matrices
+from sensorbook.calibration.motions import (
+    LONGEST,
+    Directions,
+    Motions,
+    all_motions,
+    predicted,
+    rotation_matrices,
+)
 from sensorbook.calibration.multi_position import FOLDS
 from sensorbook.calibration.rest_fit import RestFit
 from sensorbook.calibration.result import Calibration
 from sensorbook.errors import Refusal
+from sensorbook.recordings.recording import Recording
 
 ITERATIONS = 30
 FEWEST = 9
@@ -188,3 +199,36 @@ def _require_turns(motions: Motions) -> None:
             f"scale factors and misalignments is {condition:.3g} (at most {MAX_CONDITION:g}).",
             f"Add motions of 90° and more about {weak}, held level, so that gravity is turned along.",
         )
+
+
+def judged_turns(
+    gyroscopes: Sequence[Recording],
+    device,
+    gravity: float,
+    level: ErrorModel,
+    fit: RestFit,
+    calibration,
+) -> tuple[float, int] | None:
+    """rms direction error (rad) and number of motions of recordings that were kept out of the fit.
+
+    None where the accelerometer was not recorded beside them, or they hold no motion between rests.
+    """
+    runs = (
+        device.runs("accelerometer", "positions")
+        if "positions" in device.kinds("accelerometer")
+        else ()
+    )
+    accelerometers = [a for a in runs if a.declaration.get("check") and beside(a, gyroscopes)]
+    if not accelerometers:
+        return None
+    found = find_positions(accelerometers, gyroscopes, gravity)
+    if found.gyroscope is None:
+        return None
+    true = level.correct(found.positions.means)
+    unit = true / np.linalg.norm(true, axis=1)[:, None]
+    directions = Directions(unit, true, np.zeros((len(unit), 3, 0)))
+    motions = all_motions(gyroscopes, accelerometers, found, directions, level, fit)
+    if not len(motions):
+        return None
+    errors = direction_errors(motions, np.linalg.inv(calibration.model.matrix))
+    return rms(errors), len(motions)
