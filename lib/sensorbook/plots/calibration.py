@@ -282,7 +282,7 @@ def plot_rest_readings(
         a.plot(ends, ends, color="black", lw=1)
         a.set_title("xyz"[i], fontsize=9)
         a.set_xlabel(f"by acceleration [{label}]")
-        a.locator_params(axis="x", nbins=4)
+        a.locator_params(axis="x", nbins=2)
         grid(a)
     axes[0].set_ylabel(f"reading at rest − bias [{label}]")
     return axes
