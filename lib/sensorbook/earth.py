@@ -1,6 +1,9 @@
-"""The Earth at a place: gravity and rotation (WGS 84)."""
+"""The Earth at a place: gravity and rotation (WGS 84), and its magnetic field (IGRF)."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, time
 
 import numpy as np
 
@@ -10,6 +13,9 @@ LOWEST_GRAVITY, HIGHEST_GRAVITY = (
     9.834,
 )  # m/s², Huascarán and the Arctic Ocean (GGMplus 2013)
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NIMA TR8350.2, table 3.1)
+
+FIELD_STD = 0.14e-6  # T, WMM2025's error model for the strength; mostly the crust's own field
+FIELD_YEARS = (1900, 2030)  # of IGRF-14
 
 # WGS 84 ellipsoid (NIMA TR8350.2, tables 3.1, 3.3 and 3.4).
 _SEMI_MAJOR = 6378137.0  # m
@@ -53,3 +59,53 @@ def gravity_at(site) -> tuple[float, str, float]:
     if height is None:
         return normal_gravity(latitude), words + ", height not given, taken as 0 m", 3e-3
     return normal_gravity(latitude, height), f"{words}, {height:.0f} m", 5e-4
+
+
+@dataclass(frozen=True)
+class Field:
+    """The Earth's magnetic field at a place.
+
+    Attributes
+    ----------
+    strength : T; None where place or date is not known
+    std : T, its standard error outdoors; steel in a building changes it by more
+    dip : rad, positive where it points down; None where not known
+    source : in words
+    """
+
+    strength: float | None
+    std: float
+    dip: float | None
+    source: str
+
+
+def field_at(site) -> Field:
+    """The Earth's field for a device's `[site]`, by the IGRF (14th generation, Alken et al. 2021)."""
+    site = site or {}
+    missing = [key for key in ("latitude", "longitude", "date") if site.get(key) is None]
+    if missing:
+        return Field(None, 0.0, None, f"not known: [site] has no {' and no '.join(missing)}")
+    date = datetime.combine(site["date"], time())
+    if not FIELD_YEARS[0] <= date.year < FIELD_YEARS[1]:
+        first, end = FIELD_YEARS
+        return Field(
+            None, 0.0, None, f"not known: the IGRF holds from {first} to {end}, not in {date.year}"
+        )
+    import ppigrf  # only here: a quarter of a second, and most commands need no field
+
+    latitude, longitude = site["latitude"], site["longitude"]
+    # At a pole east has no direction; 10 cm away the field is the same.
+    latitude = min(max(latitude, -90 + 1e-6), 90 - 1e-6)
+    parts = ppigrf.igrf(longitude, latitude, site.get("height", 0.0) / 1000, date)
+    east, north, up = (1e-9 * float(np.ravel(part)[0]) for part in parts)
+    level = np.hypot(east, north)
+    place = ", ".join(
+        f"{abs(angle):.4g}° {'NE'[k] if angle >= 0 else 'SW'[k]}"
+        for k, angle in enumerate((latitude, longitude))
+    )
+    return Field(
+        float(np.hypot(level, up)),
+        FIELD_STD,
+        float(np.arctan2(-up, level)),
+        f"the Earth's field (IGRF-14) at {place} on {date:%Y-%m-%d}",
+    )

@@ -1,0 +1,204 @@
+"""Calibrates a magnetometer as far as its motion allows, and no farther."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensorbook.errors import Refusal
+from sensorbook.magnetometer.coverage import (
+    MOST_DILUTION,
+    MOST_ERROR,
+    MOST_HARD_IRON,
+    Coverage,
+    coverage,
+    dilution,
+    errors_by_direction,
+    motion_in_words,
+    neglected,
+)
+from sensorbook.magnetometer.ellipsoid import BASES, refine, residuals, sphere, unpacked
+from sensorbook.magnetometer.result import MagnetometerCalibration, scaled
+from sensorbook.magnetometer.robust import robust_ellipsoid
+from sensorbook.magnetometer.uncertainty import (
+    correlation_time,
+    held_out,
+    jackknife,
+    number_of_blocks,
+)
+
+FEWEST = 30  # readings
+NOT_ONE_FIELD = 0.15  # of the field: residuals beyond are no ellipsoid of any sensor
+MODELS = ("ellipsoid", "diagonal", "hard_iron")
+NAMES = {
+    "ellipsoid": "the full ellipsoid",
+    "diagonal": "hard iron and three scale factors",
+    "hard_iron": "hard iron alone",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One model fitted to a recording, and why it is refused; empty where it is determined.
+
+    Attributes
+    ----------
+    parameters : (9,) in the unit of the readings, field 1
+    covariance : (9, 9) with what the model neglects
+    dilution : error in the worst direction over that of readings all over the sphere
+    error : of the corrected unit vector in the worst direction, standard error
+    hard_iron : of the field, worst standard error of the hard iron by what is neglected
+    """
+
+    model: str
+    parameters: np.ndarray
+    covariance: np.ndarray
+    freedom: int
+    blocks: int
+    correlation: float
+    dilution: float
+    error: float
+    hard_iron: float
+    coverage: Coverage
+    reason: str
+
+
+def calibrate(
+    values: np.ndarray, field: float | None = None, field_std: float = 0.0, field_source: str = ""
+) -> MagnetometerCalibration:
+    """Hard iron, soft iron and their uncertainty from readings in many attitudes.
+
+    Parameters
+    ----------
+    values : (N, 3) readings in the order of time, T; rows that are not finite are left out
+    field, field_std : T, strength of the field there and its standard error; None where it is not
+        known, and the soft iron is relative: its determinant is 1
+    field_source : where `field` comes from, in words
+
+    Returns
+    -------
+    The fullest of three models that the readings determine: ellipsoid, diagonal, hard iron.
+
+    Raises
+    ------
+    Refusal
+        too few readings, readings on no ellipsoid, or a motion that determines none of the models
+    """
+    finite = np.isfinite(values).all(axis=1)
+    m = np.asarray(values, dtype=float)[finite]
+    if len(m) < FEWEST or len(np.unique(m, axis=0)) < FEWEST:
+        raise Refusal(
+            f"{len(np.unique(m, axis=0))} different readings are too few; {FEWEST} are needed.",
+            "Turn the device slowly through all attitudes for a minute.",
+        )
+    centre = np.median(m, axis=0)
+    size = float(np.linalg.norm(m - centre, axis=1).mean())
+    x = (m - centre) / size
+    full, kept = robust_ellipsoid(x)
+    trials = []
+    for model in MODELS:
+        trials.append(_tried(model, x[kept], full))
+        if not trials[-1].reason:
+            break
+    best = trials[-1]
+    if best.reason:
+        raise Refusal(*_refused(trials))
+    r = residuals(x, best.parameters)[0]
+    check = held_out(x, best.parameters, BASES[best.model], kept)
+    used = np.zeros(len(values), dtype=bool)
+    used[np.flatnonzero(finite)[kept]] = True
+    return MagnetometerCalibration(
+        method=best.model,
+        **scaled(best.parameters, best.covariance, centre, size, field, field_std),
+        field_source=field_source,
+        dof=best.freedom,
+        residual=float(np.sqrt(np.mean(r[kept] ** 2))),
+        residual_check=float(np.sqrt(np.mean(check[kept] ** 2))),
+        residual_before=_residual_before(m[kept]),
+        coverage=best.coverage,
+        used=used,
+        dilution=best.dilution,
+        blocks=best.blocks,
+        correlation=best.correlation,
+        reduced=tuple(t.reason for t in trials[:-1]),
+    )
+
+
+def _residual_before(m: np.ndarray) -> float:
+    length = np.linalg.norm(m, axis=1)
+    return float(length.std() / length.mean())
+
+
+def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
+    basis = BASES[model]
+    round_ = refine(x, sphere(x), BASES["hard_iron"])
+    parameters = full if model == "ellipsoid" else refine(x, round_, basis)
+    r, u = residuals(x, parameters)
+    seen, spread_out = coverage(u), dilution(u, model)
+    if model == "ellipsoid":
+        # A poor motion can be on an ellipsoid of any shape, and on a flat one seem to see all of it:
+        # about the sphere, too, its directions must be many. Soft iron of 1 : 2 doubles what is left.
+        seen_round = residuals(x, round_)[1]
+        spread_out = max(spread_out, dilution(seen_round, model) / 2)
+    time = correlation_time(r)
+    blocks = number_of_blocks(len(x), time)
+    covariance, freedom = jackknife(x, parameters, basis, blocks)
+    alias = _in_place(neglected(u, model), parameters)
+    covariance = covariance + alias
+    s = unpacked(parameters)[1]
+    error = hard_iron = np.inf
+    if np.isfinite(covariance).all():
+        error = float(errors_by_direction(covariance, parameters).max())
+        hard_iron = float(np.sqrt(np.linalg.eigvalsh(s @ alias[:3, :3] @ s)[-1].clip(0)))
+    reason = _reason(model, r, spread_out, error, hard_iron)
+    return Trial(model, parameters, covariance, freedom, blocks, time, spread_out, error, hard_iron, seen,
+                 reason)  # fmt: skip
+
+
+def _in_place(covariance: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """A covariance stated at h = 0, S = 1, at these parameters (S diagonal)."""
+    s = np.diag(unpacked(parameters)[1])
+    factor = np.r_[1 / s, s, np.sqrt(s[[0, 0, 1]] * s[[1, 2, 2]])]
+    return covariance * np.outer(factor, factor)
+
+
+def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iron: float) -> str:
+    name = NAMES[model]
+    if spread_out > MOST_DILUTION:
+        many = f"{spread_out:.0f}" if spread_out < 1000 else "over a thousand"
+        return (
+            f"The directions are too few for {name}: in the worst one a corrected reading errs {many} times "
+            f"as much as after a turn through all attitudes ({MOST_DILUTION:g} at most)"
+        )
+    if hard_iron > MOST_HARD_IRON:
+        return (
+            f"With {name}, what these directions leave out errs the hard iron by {100 * hard_iron:.0f} % of "
+            f"the field ({100 * MOST_HARD_IRON:.0f} % at most)"
+        )
+    residual = float(np.sqrt(np.mean(r**2)))
+    if residual > NOT_ONE_FIELD:
+        return (
+            "The readings lie on no ellipsoid: their distance from the nearest is "
+            f"{100 * residual:.0f} % of the field rms"
+        )
+    if 2 * error > MOST_ERROR:
+        return (
+            f"With {name} a corrected reading is uncertain by {200 * error:.0f} % of the field in the worst "
+            f"direction ({100 * MOST_ERROR:.0f} % at most)"
+        )
+    return ""
+
+
+def _refused(trials: list[Trial]) -> tuple[str, str]:
+    """Reason and remedy where no model is determined."""
+    for trial in trials:
+        if trial.reason.startswith("The readings lie on no"):
+            return (
+                trial.reason + ".",
+                "Turn it in one place, a metre from iron, cables and loudspeakers, with nothing magnetic "
+                "beside it that is not always part of the device.",
+            )
+    what, remedy = motion_in_words(trials[-1].coverage)
+    reason = trials[-1].reason + (f": {what}." if what else ".")
+    return reason, remedy or "Turn it more slowly and longer, through all attitudes."

@@ -1,0 +1,70 @@
+"""An ellipsoid that a tenth of wrong readings does not move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensorbook.magnetometer.ellipsoid import (
+    BASES,
+    algebraic,
+    refine,
+    residuals,
+    sphere,
+    spread,
+    unpacked,
+)
+
+ASIDE = 4.0  # robust standard deviations; one normal reading in 16 000 is farther off
+TRIED = 2000  # readings that starts are tried on
+SUBSETS, SUBSET = 30, 20  # random starts, and readings each is made of
+NEAREST = 0.75  # share of the readings that a start must explain
+
+
+def robust_ellipsoid(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parameters (9,) and which of the readings (N, 3) they rest on (N,).
+
+    Starts from the best of several algebraic fits, each drawn to the three quarters of the readings
+    nearest to it (concentration steps; Rousseeuw and Van Driessen 1999), goes on by bisquare
+    weights, sets aside what is more than `ASIDE` robust standard deviations off, and ends in plain
+    least squares on the others, so that nothing is lost where nothing is wrong.
+    """
+    basis = BASES["ellipsoid"]
+    parameters = refine(m, _start(m), basis, robust=True, steps=30)
+    kept = _near(residuals(m, parameters)[0])
+    for _ in range(2):
+        parameters = refine(m[kept], parameters, basis)
+        kept = _near(residuals(m, parameters)[0], kept)
+    return refine(m[kept], parameters, basis), kept
+
+
+def _near(r: np.ndarray, among: np.ndarray | None = None) -> np.ndarray:
+    scale = spread(r if among is None else r[among])
+    # Noise-free readings have a scale of rounding errors, which sorts nothing out.
+    return np.abs(r) <= max(ASIDE * scale, 1e-9)
+
+
+def _start(m: np.ndarray) -> np.ndarray:
+    rng = np.random.default_rng(0)  # a way to search, not a source of data: the same for all
+    some = m[rng.permutation(len(m))[:TRIED]]
+    best, least = None, np.inf
+    for k in range(SUBSETS + 1):
+        taken = some if k == 0 else some[rng.choice(len(some), min(SUBSET, len(some)), False)]
+        for _ in range(3):
+            parameters = algebraic(taken)
+            if parameters is None:
+                break
+            distance = _distances(some, parameters)
+            limit = np.quantile(distance, NEAREST)
+            if limit < least:
+                best, least = parameters, limit
+            taken = some[distance <= limit]
+    return sphere(m) if best is None else best
+
+
+def _distances(m: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """(N,) distances from the ellipsoid to first order, in the unit of the readings.
+
+    Relative ones would favour huge ellipsoids, on which everything is near.
+    """
+    r, u = residuals(m, parameters)
+    return np.abs(r) / np.linalg.norm(u @ unpacked(parameters)[1], axis=1)

@@ -1,0 +1,77 @@
+"""Uncertainty of an ellipsoid from readings whose errors are alike for seconds.
+
+The field along a hand's path is not the same everywhere, and a magnetometer's noise is not white:
+formal errors, which count every sample as new, are several times too small. Blocks of consecutive
+samples are left out instead, one at a time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+
+from sensorbook.magnetometer.ellipsoid import design, refine, residuals
+
+MOST_BLOCKS, FEWEST_BLOCKS = 40, 10
+TIMES = 10  # correlation times a block should last, so that neighbours are nearly independent
+HELD_OUT = 5  # blocks of the held-out residual
+
+
+def correlation_time(r: np.ndarray) -> float:
+    """Integrated correlation time of a series (N,) in samples: 1 for white noise.
+
+    Sum of the autocorrelation up to where a pair of neighbouring lags turns negative (Geyer 1992).
+    """
+    x = r - r.mean()
+    n = fft.next_fast_len(2 * len(x), real=True)
+    c = fft.irfft(np.abs(fft.rfft(x, n)) ** 2, n)[: len(x) // 2]
+    if len(c) < 2 or c[0] <= 0:
+        return 1.0
+    pairs = (c[: len(c) // 2 * 2] / c[0]).reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0)
+    last = negative[0] if len(negative) else len(pairs)
+    return max(1.0, float(2 * pairs[:last].sum() - 1))
+
+
+def number_of_blocks(count: int, time: float) -> int:
+    """Blocks for `count` samples whose errors have a correlation time of `time` samples."""
+    return min(count, int(np.clip(count / (TIMES * time), FEWEST_BLOCKS, MOST_BLOCKS)))
+
+
+def jackknife(
+    m: np.ndarray, parameters: np.ndarray, basis: np.ndarray, blocks: int
+) -> tuple[np.ndarray, int]:
+    """Covariance (9, 9) of the parameters, and degrees of freedom for Student's t.
+
+    Delete-one-block jackknife of the linearised problem about the mean of the deleted fits (Shao and
+    Tu 1995, 9.1; for clustered errors Bell and McCaffrey's CR3). Infinite where a block alone holds
+    what determines a parameter.
+    """
+    r, u = residuals(m, parameters)
+    jacobian = design(u, m, parameters) @ basis
+    parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(len(m)), blocks)]
+    squares = np.stack([jacobian[part].T @ jacobian[part] for part in parts])
+    slopes = np.stack([jacobian[part].T @ r[part] for part in parts])
+    total = squares.sum(axis=0)
+    if np.linalg.cond(total) > 1e14:
+        return np.full((9, 9), np.inf), 1
+    left = total - squares
+    if max(np.linalg.cond(left)) > 1e14:
+        return np.full((9, 9), np.inf), 1
+    deleted = np.linalg.solve(left, slopes[..., None])[..., 0]
+    deleted -= deleted.mean(axis=0)
+    covariance = (blocks - 1) / blocks * deleted.T @ deleted
+    freedom = blocks - (basis.shape[1] if blocks == len(m) else 1)
+    return basis @ covariance @ basis.T, max(1, freedom)
+
+
+def held_out(
+    m: np.ndarray, parameters: np.ndarray, basis: np.ndarray, kept: np.ndarray
+) -> np.ndarray:
+    """(N,) residuals, each fifth of the recording judged by a fit to the kept ones of the others."""
+    r = np.empty(len(m))
+    for block in np.array_split(np.arange(len(m)), HELD_OUT):
+        others = kept.copy()
+        others[block] = False
+        r[block] = residuals(m[block], refine(m[others], parameters, basis))[0]
+    return r
