@@ -67,9 +67,9 @@ def test_an_unknown_preset_is_a_usage_error_that_lists_them(capsys, tmp_path):
 def test_an_unknown_format_is_a_usage_error_that_lists_them(capsys, tmp_path):
     assert cli.main(["export", str(tmp_path / "none.json"), "--format", "ros"]) == 2
     error = capsys.readouterr().err
-    assert (
-        error
-        == "sensorbook export: --format: no format 'ros'; choose from kalibr, allan-csv, yaml, c-header\n"
+    assert error == (
+        "sensorbook export: --format: no format 'ros'; choose from "
+        "kalibr, allan-csv, yaml, c-header, ardupilot, px4\n"
     )
 
 

@@ -272,7 +272,9 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         metavar="NAME",
         help="yaml: calibrations and thermal models; c-header: the same for C and C++; "
-        "kalibr: imu.yaml of both inertial sensors; allan-csv: the Allan curves as a table",
+        "kalibr: imu.yaml of both inertial sensors; allan-csv: the Allan curves as a table; "
+        "ardupilot: the magnetometer's calibration as parameters (.param); "
+        "px4: the same for QGroundControl (.params)",
     )
     export.add_argument(
         "-o", "--output", metavar="FILE", help="file to write; default: standard output"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.export import allan_csv, c_header, calibration_yaml, kalibr
+from sensorbook.export import allan_csv, ardupilot, c_header, calibration_yaml, kalibr, px4
 from sensorbook.export.source import read_results
 from sensorbook.reporting.tree import Tree
 
@@ -14,6 +14,8 @@ FORMATS = {  # name: makes the file's text from the results
     "allan-csv": allan_csv.render,
     "yaml": calibration_yaml.render,
     "c-header": c_header.render,
+    "ardupilot": ardupilot.render,
+    "px4": px4.render,
 }
 
 

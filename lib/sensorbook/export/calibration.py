@@ -28,6 +28,8 @@ THERMAL = (
     "B(T) - B(thermal_x_reference_temperature) from a raw reading, never B(T) itself.",
 )
 
+IRON = "true = soft_iron * (raw - hard_iron)"
+
 _PLAIN = str.maketrans(
     {"²": "^2", "°": " deg ", "·": " ", "√": "sqrt", "µ": "u", "±": "+-", "−": "-", "–": "-"}
     | {"—": "-", "…": "...", "≥": ">=", "≤": "<=", "σ": "sigma", "\u202f": " ", "×": "x"}
@@ -116,13 +118,20 @@ def read_calibration(results: Entry) -> DeviceCalibration:
     return DeviceCalibration(inert(results.at("device", "id").text()), head, tuple(found))
 
 
-def _head(results: Entry) -> tuple[str, ...]:
+def origin(results: Entry) -> tuple[str, ...]:
+    """Lines of comment: the device, the date of its results and the software they are of."""
     device, software = results.at("device"), results.at("software")
     names = ("sensorbook", "python", "numpy", "scipy")
     versions = ", ".join(f"{name} {software.at(name).text()}" for name in names)
     return (
         f"Calibration of the device {device.at('id').text()} ({device.at('name').text()}).",
         f"Results of {results.at('created').text()}; {versions}.",
+    )
+
+
+def _head(results: Entry) -> tuple[str, ...]:
+    return (
+        *origin(results),
         "Units are SI, temperatures in degC. Axes are those of the recordings, in the order x, y, z.",
         "Rows of a matrix are axes of the reading, columns axes of the true vector.",
         "std are standard errors of one sigma, 0 where a parameter is fixed.",
@@ -132,7 +141,7 @@ def _head(results: Entry) -> tuple[str, ...]:
 def _calibration(entry: Entry, unit: str) -> tuple[list[str], list[Value]]:
     """Notes and values of a calibration; its bias and matrix are always there."""
     notes = [f"Method: {entry.at('method').text()}."]
-    _same_unit(entry.at("unit"), unit)
+    same_unit(entry.at("unit"), unit)
     if entry.get("soft_iron").value is not None:
         return _magnetometer(entry, unit, notes)
     if entry.get("gravity").value is not None:
@@ -162,13 +171,17 @@ def _calibration(entry: Entry, unit: str) -> tuple[list[str], list[Value]]:
 
 
 def _magnetometer(entry: Entry, unit: str, notes: list[str]) -> tuple[list[str], list[Value]]:
+    hard_iron, soft_iron = entry.at("hard_iron").array(3), entry.at("soft_iron").array(3, 3)
     values = [
-        Value("hard_iron", entry.at("hard_iron").array(3), f"{unit}, subtracted from a reading"),
-        Value("soft_iron", entry.at("soft_iron").array(3, 3), "1"),
+        Value("hard_iron", hard_iron, f"{unit}, subtracted from a reading"),
+        Value("soft_iron", soft_iron, "1, multiplies a reading less hard_iron"),
     ]
     if (field := entry.get("field")).value is not None:
         values.append(Value("field", field.number(), f"{unit}, length of a corrected reading"))
-    return [*notes, "true = soft_iron * (raw - hard_iron)"], values
+    if (source := entry.get("field_source")).value is not None:
+        notes.append(f"Field: {source.text()}.")
+    values += _standard_errors(entry, unit)
+    return [*notes, IRON], values
 
 
 def _standard_errors(entry: Entry, unit: str) -> list[Value]:
@@ -177,11 +190,18 @@ def _standard_errors(entry: Entry, unit: str) -> list[Value]:
     if factor.value is not None:
         interval = f"; the 95 % interval is value +- {factor.magnitude():.4g} std"
     values = []
-    for name, of in (("bias", unit), ("matrix", "1"), ("g_sensitivity", f"{unit} per m/s^2")):
+    for name, of, read in (
+        ("bias", unit, _vector),
+        ("matrix", "1", _square),
+        ("g_sensitivity", f"{unit} per m/s^2", _square),
+        ("hard_iron", unit, _vector),
+        ("soft_iron", "1", _square),
+        ("field", unit, Entry.number),
+    ):
         error = std.get(name)
         if error.value is None or entry.get(name).value is None:
             continue
-        numbers = error.array(3) if name == "bias" else _square(error)
+        numbers = read(error)
         if np.min(numbers) < 0:
             raise error.wrong("holds a standard error below 0")
         values.append(Value(f"{name}_std", numbers, of + interval))
@@ -194,7 +214,7 @@ def _temperature(entry: Entry, unit: str, notes: list[str]) -> list[Value]:
     if change.value is None and reference.value is None:
         return []
     if (spelling := entry.get("temperature_unit")).value is not None:
-        _same_unit(spelling, "degC")
+        same_unit(spelling, "degC")
     values = [
         Value("reference_temperature", reference.number(), "degC, at which matrix and bias hold")
     ]
@@ -221,7 +241,7 @@ def _thermal(entry: Entry, unit: str) -> tuple[list[str], list[Value]]:
         if model.value is None:
             notes.append(f"Thermal model of axis {axis}: none.")
             continue
-        _same_unit(model.at("temperature_unit"), "degC")
+        same_unit(model.at("temperature_unit"), "degC")
         several = model.get("segments").value is not None
         parts = model.at("segments").items() if several else [model]
         ranges = [_range(part.at("range")) for part in parts]
@@ -242,7 +262,8 @@ def _thermal(entry: Entry, unit: str) -> tuple[list[str], list[Value]]:
     return notes, values
 
 
-def _same_unit(entry: Entry, unit: str) -> None:
+def same_unit(entry: Entry, unit: str) -> None:
+    """Raises `InputError` where the entry is not this spelling of a unit."""
     if entry.text() != unit:
         raise entry.wrong(f"{entry.value!r} is not {unit!r}")
 
@@ -255,6 +276,10 @@ def _inverse(entry: Entry, matrix: list[list[float]]) -> list[list[float]]:
     if not np.isfinite(inverse).all():
         raise entry.wrong("has no inverse")
     return inverse.tolist()
+
+
+def _vector(entry: Entry) -> list[float]:
+    return entry.array(3)
 
 
 def _square(entry: Entry) -> list[list[float]]:
