@@ -17,6 +17,7 @@ from sensorbook.export.source import Entry
 TARGET = "ArduPilot"
 MILLIGAUSS = 1e-7  # T
 OFFSETS_MAX = 1800.0  # mG: COMPASS_OFFS_MAX as it is by default; longer offsets do not arm
+OFFSETS_MIN = 2.0**-23  # mG: what is shorter is zero to its `is_zero`, and does not arm
 DIAGONAL = (0.2, 5.0)  # outside of these, ArduPilot's own calibration is refused
 OFF_DIAGONAL = 1.0
 SCALE = 1.0  # soft_iron holds the scale
@@ -70,8 +71,8 @@ def _unarmed(iron: Iron) -> list[Problem]:
             "(COMPASS_OFFS_MAX)",
             "move the magnetometer away from magnets and iron, and record it again",
         ).problems
-    if length == 0:
+    if length < OFFSETS_MIN:
         return entry.wrong(
-            "is zero, which ArduPilot takes for a compass that is not calibrated"
+            f"is {length:.6g} mG long, which ArduPilot takes for a compass that is not calibrated"
         ).problems
     return []

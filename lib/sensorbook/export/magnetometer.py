@@ -137,7 +137,7 @@ def parameters(
             values[name] = value
             if not group.low <= value <= group.high:
                 problems += entry.wrong(
-                    f"{name} would be {value:.6g}, and {target} accepts "
+                    f"{name} would be {value!r}, and {target} accepts "
                     f"{group.low:.6g} to {group.high:.6g}",
                     SCALED,
                 ).problems
