@@ -274,6 +274,67 @@ def test_magnetometer(tmp_path):
     np.testing.assert_allclose(pd.read_csv(tmp_path / "out.csv") * 1e-6, true, atol=1e-12)
 
 
+IRON = {
+    "method": "ellipsoid",
+    "hard_iron": [1.7e-5, -2.3e-5, 4.1e-6],
+    "soft_iron": [[1.08, 0.021, -0.013], [0.021, 0.94, 0.006], [-0.013, 0.006, 1.2]],
+}
+COUNTS = {"factor": [1.5e-3, 1.4e-3, 1.6e-3], "offset": [12, -7, 3], "unit": "gauss"}
+
+
+@pytest.mark.parametrize("unit", ["mG", "uT", "nT", "gauss", "T", "counts"])
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".npz"])
+def test_a_magnetometers_file_in_its_own_unit(tmp_path, unit, ending):
+    rng = np.random.default_rng(20240601)
+    raw = 6e-5 * rng.standard_normal((300, 3))  # T
+    true = np.array([np.array(IRON["soft_iron"]) @ (m - IRON["hard_iron"]) for m in raw])
+
+    def shown(field):
+        if unit == "counts":
+            return field / 1e-4 / COUNTS["factor"] + COUNTS["offset"]
+        return field / {"mG": 1e-7, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "T": 1.0}[unit]
+
+    cells = [
+        [f"{k / 50:.3f}", *map(repr, row), f"{k % 7} x", f"0{k}", "+1.50E+00"]
+        for k, row in enumerate(shown(raw).tolist())
+    ]
+    head = ["t", "my", "mz", "mx", "note", "frame", "other"]
+    for row in cells:
+        row[1], row[2], row[3] = row[2], row[3], row[1]
+    text = "".join(f"{','.join(row)}\n" for row in [head, *cells])
+    (tmp_path / "log.csv").write_text(text)
+    columns = {"time": "t", "x": "mx", "y": "my", "z": "mz"}
+    scale = {"scale": COUNTS} if unit == "counts" else {}
+    declared = entry("magnetometer", unit, columns, **scale)
+    where = results(tmp_path, inputs=[declared], magnetometer={"calibration": IRON})
+    applied = apply_file(where, tmp_path / "log.csv", tmp_path / f"out{ending}")
+    assert applied.done == (f"magnetometer: hard and soft iron (ellipsoid), in {unit}",)
+    assert applied.warnings == ()
+    expected = shown(true)
+    if ending == ".csv":
+        lines = [line.split(",") for line in (tmp_path / "out.csv").read_text().splitlines()]
+        assert lines[0] == head
+        got = np.array([[float(row[k]) for k in (3, 1, 2)] for row in lines[1:]])
+        np.testing.assert_allclose(
+            got, expected, rtol=5.1e-9
+        )  # nine digits, half a unit of the last
+        for new, old in zip(lines[1:], cells, strict=True):
+            assert [new[0], *new[4:]] == [old[0], *old[4:]]
+        return
+    if ending == ".npz":
+        found = pd.DataFrame(dict(np.load(tmp_path / "out.npz")))
+    else:
+        found = pd.read_parquet(tmp_path / "out.parquet")
+    assert list(found.columns) == head
+    # Rounding in units and product, 1e-16 of the largest term, which an offset of counts may exceed.
+    got = found[["mx", "my", "mz"]].to_numpy()
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max() / 1e3)
+    assert found["t"].tolist() == [float(row[0]) for row in cells]
+    assert found["note"].tolist() == [row[4] for row in cells]
+    assert found["frame"].tolist() == [float(row[5]) for row in cells]
+    assert set(found["other"]) == {1.5}
+
+
 # --- what is wrong ---
 
 
@@ -451,3 +512,30 @@ def test_a_csv_of_a_device_that_was_recorded_in_a_database(tmp_path, log):
 def test_damaged_results(tmp_path, log, damage):
     where = results(tmp_path, {"calibration": ACCELEROMETER | damage})
     fails(tmp_path, "sensors.accelerometer.calibration: cannot serve", where=where)
+
+
+SHAPES = "hard_iron is not of three numbers, or soft_iron not of three by three"
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        ({"hard_iron": None}, SHAPES),
+        ({"hard_iron": [1e-5, "a", 0]}, "could not convert string to float: 'a'"),
+        ({"hard_iron": [[1e-5, 0, 0]]}, SHAPES),
+        ({"soft_iron": [[1, 0], [0, 1]]}, SHAPES),
+        (
+            {"soft_iron": [[1, 0, 0], [0, 1, 0], [0, 0, float("nan")]]},
+            "hard_iron or soft_iron is not finite",
+        ),
+    ],
+)
+def test_a_damaged_magnetometers_calibration(tmp_path, damage, words):
+    (tmp_path / "log.csv").write_text("mx,my,mz\n" + "1,2,3\n" * 20)
+    declared = entry("magnetometer", "mG", {"x": "mx", "y": "my", "z": "mz"})
+    calibration = {"calibration": IRON | damage}
+    where = results(tmp_path, inputs=[declared], magnetometer=calibration)
+    fails(tmp_path, f"sensors.magnetometer.calibration: cannot serve: {words}", where=where)
+    calibration["calibration"].pop("hard_iron")
+    where = results(tmp_path, inputs=[declared], magnetometer=calibration)
+    fails(tmp_path, "sensors.magnetometer.calibration: cannot serve: 'hard_iron'", where=where)

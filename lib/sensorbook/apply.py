@@ -98,15 +98,36 @@ def correct(
     if calibration.get("method") is None:
         reasons.append(f"no calibration: {calibration.get('reason', 'none was recorded')}")
     elif "soft_iron" in calibration:
-        free = recording.values - calibration["hard_iron"]
-        values = free @ np.transpose(calibration["soft_iron"])
-        recording, name = replace(recording, values=values), calibration["method"]
-        steps.append(f"hard and soft iron ({name.replace('_', ' ')})")
+        recording = _without_iron(recording, calibration)
+        steps.append(f"hard and soft iron ({calibration['method'].replace('_', ' ')})")
     else:
         recording, more = _undistort(recording, calibration, acceleration)
         notes += more
         steps.append(f"calibration ({calibration['method'].replace('_', ' ')})")
     return recording, steps, notes, reasons
+
+
+def _without_iron(recording: Recording, calibration: dict) -> Recording:
+    """soft_iron · (raw − hard_iron)."""
+    try:
+        hard_iron, soft_iron = (
+            np.array(calibration[name], dtype=np.float64) for name in ("hard_iron", "soft_iron")
+        )
+        if hard_iron.shape != (3,) or soft_iron.shape != (3, 3):
+            raise ValueError(
+                "hard_iron is not of three numbers, or soft_iron not of three by three"
+            )
+        if not (np.isfinite(hard_iron).all() and np.isfinite(soft_iron).all()):
+            raise ValueError("hard_iron or soft_iron is not finite")
+    except (KeyError, TypeError, ValueError) as error:
+        raise _useless(recording, error) from None
+    return replace(recording, values=(recording.values - hard_iron) @ soft_iron.T)
+
+
+def _useless(recording: Recording, error: Exception) -> InputError:
+    where = f"sensors.{recording.sensor}.calibration"
+    mend = "render it again with: sensorbook report"
+    return InputError(Problem("results.json", where, f"cannot serve: {error}", mend))
 
 
 def _undistort(recording: Recording, calibration: dict, acceleration: np.ndarray | None):
@@ -116,10 +137,7 @@ def _undistort(recording: Recording, calibration: dict, acceleration: np.ndarray
         model = ErrorModel.from_results(calibration)
         np.linalg.inv(model.matrix)
     except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
-        raise InputError(
-            Problem("results.json", f"sensors.{recording.sensor}.calibration", f"cannot serve: {error}",
-                    "render it again with: sensorbook report")
-        ) from None  # fmt: skip
+        raise _useless(recording, error) from None
     if not model.g_sensitivity.any():
         acceleration = None
     elif acceleration is not None:

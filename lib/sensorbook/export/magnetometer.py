@@ -14,9 +14,8 @@ from sensorbook.units import SENSOR_UNITS
 
 SCALED = "check unit and scale of the recording and its [site], and render the report again"
 SYMMETRIC = 1e-12  # of the largest entry: rounding, far below what any calibration tells
-WIDTH = (
-    90  # ArduPilot reads a file of parameters in pieces of 98 characters, whatever they begin with
-)
+# ArduPilot reads a file of parameters in pieces of 98 characters, each as a line of its own.
+WIDTH = 90
 FLOAT32_MAX = 3.4028234663852886e38  # both autopilots hold their parameters in 32 bits
 
 
