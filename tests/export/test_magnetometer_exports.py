@@ -256,8 +256,21 @@ def test_a_calibration_without_field_and_errors(name, exported):
 
     text = exported(name, change)
     assert "# Magnetometer, method: hard_iron.\n" in text
-    assert "Field, the length" not in text
+    assert "Length of a corrected reading" not in text
     assert_corrects(CORRECT[name](text, RAW), HARD_IRON, np.eye(3))
+
+
+def test_a_field_of_unknown_strength(exported):
+    change = calibrated(field_known=False, field_source="")
+    relative = "The field's strength is not known: soft_iron is relative, of determinant 1.\n"
+    for name in FORMATS:
+        assert relative in exported(name, change)
+        assert "Field: " not in exported(name, change)
+        assert relative not in exported(name, calibrated(field_known=True))
+    for known, scale in ((False, 0.0), (True, 1.0)):
+        text = exported("ardupilot", calibrated(field_known=known))
+        assert read_param(text)["COMPASS_SCALE"] == scale
+        assert_corrects(correct_field(text, RAW), HARD_IRON, SOFT_IRON)
 
 
 def test_standard_errors_and_the_fields_source(exported):
@@ -288,7 +301,8 @@ TOLD = [
     "Calibration of the device mag-7.b (A compass).",
     "Results of 2024-05-01T12:00:00+00:00; sensorbook 0.1.0, python 3.11.7, numpy 2.0, scipy 1.13.",
     "Magnetometer, method: ellipsoid.",
-    "Field, the length of a corrected reading: 4.8e-05 T (IGRF-14 at 39.89 deg N, 900 m).",
+    "Length of a corrected reading: 4.8e-05 T.",
+    "Field: IGRF-14 at 39.89 deg N, 900 m.",
     "Of the results: true = soft_iron * (raw - hard_iron).",
     "The offset is subtracted first, then the matrix multiplies the difference; this is not soft_iron * "
     "raw - hard_iron.",

@@ -20,7 +20,6 @@ OFFSETS_MAX = 1800.0  # mG: COMPASS_OFFS_MAX as it is by default; longer offsets
 OFFSETS_MIN = 2.0**-23  # mG: what is shorter is zero to its `is_zero`, and does not arm
 DIAGONAL = (0.2, 5.0)  # outside of these, ArduPilot's own calibration is refused
 OFF_DIAGONAL = 1.0
-SCALE = 1.0  # soft_iron holds the scale
 
 HEAD = (
     "Parameters of ArduPilot's first compass: of the second they are COMPASS_OFS2_X, COMPASS_DIA2_X,"
@@ -33,9 +32,8 @@ FORMULA = (
     "field = M * (COMPASS_SCALE * (raw + COMPASS_OFS))",
     "M = [[DIA_X, ODI_X, ODI_Y], [ODI_X, DIA_Y, ODI_Z], [ODI_Y, ODI_Z, DIA_Z]]",
     "Hence COMPASS_OFS = -hard_iron in milligauss, as ArduPilot adds it; M = soft_iron;"
-    " COMPASS_SCALE = 1, as soft_iron holds the scale.",
-    "With COMPASS_SCALE at 1 ArduPilot takes the field's length for known and may compare it with the"
-    " world magnetic model. 0 scales nothing either, without that.",
+    " COMPASS_SCALE scales nothing, as soft_iron holds the scale: it is 1, with which ArduPilot may"
+    " compare the field with the world magnetic model, or 0 where the field's strength is not known.",
     "",
     "Axes are those of the recording, in the order x, y, z. ArduPilot rotates a reading before it"
     " corrects it: COMPASS_ORIENT (external compass) or AHRS_ORIENTATION (internal) must be 0, none,"
@@ -56,7 +54,7 @@ def render(results: Entry) -> str:
         ),
         _unarmed(iron),
     )
-    values["COMPASS_SCALE"] = SCALE
+    values["COMPASS_SCALE"] = 0.0 if iron.entry.get("field_known").value is False else 1.0
     lines = comments((*HEAD, *iron.head, *FORMULA))
     return "\n".join([*lines, *(f"{name},{value!r}" for name, value in values.items())]) + "\n"
 

@@ -178,10 +178,18 @@ def _magnetometer(entry: Entry, unit: str, notes: list[str]) -> tuple[list[str],
     ]
     if (field := entry.get("field")).value is not None:
         values.append(Value("field", field.number(), f"{unit}, length of a corrected reading"))
-    if (source := entry.get("field_source")).value is not None:
-        notes.append(f"Field: {source.text()}.")
     values += _standard_errors(entry, unit)
-    return [*notes, IRON], values
+    return [*notes, *field_notes(entry), IRON], values
+
+
+def field_notes(entry: Entry) -> list[str]:
+    """What is known of the field's strength, of which a magnetometer's calibration takes its scale."""
+    notes = []
+    if (source := entry.get("field_source")).value not in (None, ""):
+        notes.append(f"Field: {source.text()}.")
+    if entry.get("field_known").value is False:
+        notes.append("The field's strength is not known: soft_iron is relative, of determinant 1.")
+    return notes
 
 
 def _standard_errors(entry: Entry, unit: str) -> list[Value]:

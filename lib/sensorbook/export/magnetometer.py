@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.export.calibration import IRON, MENDS, inert, origin, same_unit
+from sensorbook.export.calibration import IRON, MENDS, field_notes, inert, origin, same_unit
 from sensorbook.export.source import Entry
 from sensorbook.units import SENSOR_UNITS
 
@@ -92,9 +92,8 @@ def _iron(results: Entry, target: str, head: tuple[str, ...]) -> Iron:
     rows = [row.items() for row in entry.at("soft_iron").items()]
     lines = [f"Magnetometer, method: {method}."]
     if (field := entry.get("field")).value is not None:
-        source = entry.get("field_source")
-        what = f" ({source.text()})" if source.value is not None else ""
-        lines.append(f"Field, the length of a corrected reading: {field.number()!r} T{what}.")
+        lines.append(f"Length of a corrected reading: {field.number()!r} T.")
+    lines += field_notes(entry)
     if results.at("sensors", "magnetometer").get("thermal").value is not None:
         lines.append("The thermal model is not in this file.")
     lines += [
