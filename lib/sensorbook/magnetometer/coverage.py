@@ -155,7 +155,8 @@ def motion_in_words(seen: Coverage) -> tuple[str, str]:
     if seen.flatness < FLAT:
         half, normal = np.degrees(seen.flatness), axis_in_words(seen.normal)
         return (
-            f"the field stays within ±{half:.0f}° of one plane or cone across the device's {normal} direction",
+            f"the field stays within ±{half:.0f}° of one plane or cone across the device's {normal} "
+            "direction",
             f"Turn it out of that plane: tip it by 90° and over, {over}",
         )
     if np.linalg.norm(seen.mean) > ONE_SIDED:
@@ -166,8 +167,8 @@ def motion_in_words(seen: Coverage) -> tuple[str, str]:
             f"Turn it over, {over}",
         )
     return (
-        f"the field is seen on {seen.percent:.0f} % of the sphere, and never within {away:.0f}° of the device's "
-        f"{hole} direction",
+        f"the field is seen on {seen.percent:.0f} % of the sphere, and never within {away:.0f}° of the "
+        f"device's {hole} direction",
         f"Turn it over, {over}",
     )
 
