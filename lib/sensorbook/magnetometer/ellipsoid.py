@@ -142,6 +142,39 @@ def refine(
     return parameters
 
 
+def noise_slopes(m: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """(N, 9) what noise in the readings adds, on average, to ``design · residual`` of each reading.
+
+    A noisy vector is longer than its mean by half the variance across it, and the derivatives at a
+    noisy reading are correlated with its residual: to second order, for noise of one variance on
+    every axis. That variance is taken from the residuals.
+    """
+    r, u = residuals(m, parameters)
+    s = unpacked(parameters)[1]
+    normal = u @ s  # the residual's gradient
+    across = (np.trace(s @ s) - (normal**2).sum(axis=1)) / 2
+    step = 1e-4 / np.abs(s).max()
+    ahead, behind = m + step * normal, m - step * normal
+    turn = design(residuals(ahead, parameters)[1], ahead, parameters)
+    turn -= design(residuals(behind, parameters)[1], behind, parameters)
+    variance = np.mean(r**2) / np.mean((normal**2).sum(axis=1))
+    return variance * (turn / (2 * step) + design(u, m, parameters) * across[:, None])
+
+
+def without_noise_bias(m: np.ndarray, parameters: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Least-squares parameters (9,) less what noise shifts them by, to second order.
+
+    With 1 % noise that is 0.01 %; with 10 %, which cheap sensors in a weak field have, 1 %.
+    """
+    r, u = residuals(m, parameters)
+    jacobian = design(u, m, parameters) @ basis
+    normal = jacobian.T @ jacobian
+    if np.linalg.cond(normal) > 1e14:
+        return parameters
+    wanted = (noise_slopes(m, parameters) @ basis).sum(axis=0) - jacobian.T @ r
+    return parameters + basis @ np.linalg.solve(normal, wanted)
+
+
 def spread(r: np.ndarray) -> float:
     """Standard deviation of residuals about zero from their median size, as of normal ones."""
     return 1.4826 * float(np.median(np.abs(r)))

@@ -18,7 +18,16 @@ from sensorbook.magnetometer.coverage import (
     motion_in_words,
     neglected,
 )
-from sensorbook.magnetometer.ellipsoid import BASES, refine, residuals, sphere, unpacked
+from sensorbook.magnetometer.ellipsoid import (
+    BASES,
+    design,
+    noise_slopes,
+    refine,
+    residuals,
+    sphere,
+    unpacked,
+    without_noise_bias,
+)
 from sensorbook.magnetometer.result import MagnetometerCalibration, scaled
 from sensorbook.magnetometer.robust import robust_ellipsoid
 from sensorbook.magnetometer.uncertainty import (
@@ -48,7 +57,7 @@ class Trial:
     covariance : (9, 9) with what the model neglects
     dilution : error in the worst direction over that of readings all over the sphere
     error : of the corrected unit vector in the worst direction, standard error
-    hard_iron : of the field, worst standard error of the hard iron by what is neglected
+    hard_iron : of the field, worst standard error of the hard iron, with what is neglected
     """
 
     model: str
@@ -132,25 +141,22 @@ def _residual_before(m: np.ndarray) -> float:
 
 def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
     basis = BASES[model]
-    round_ = refine(x, sphere(x), BASES["hard_iron"])
-    parameters = full if model == "ellipsoid" else refine(x, round_, basis)
+    # A poor motion leaves the full ellipsoid huge, so that its own directions tell how few they are.
+    parameters = full if model == "ellipsoid" else refine(x, sphere(x), basis)
+    parameters = without_noise_bias(x, parameters, basis)
     r, u = residuals(x, parameters)
     seen, spread_out = coverage(u), dilution(u, model)
-    if model == "ellipsoid":
-        # A poor motion can be on an ellipsoid of any shape, and on a flat one seem to see all of it:
-        # about the sphere, too, its directions must be many. Soft iron of 1 : 2 doubles what is left.
-        seen_round = residuals(x, round_)[1]
-        spread_out = max(spread_out, dilution(seen_round, model) / 2)
     time = correlation_time(r)
     blocks = number_of_blocks(len(x), time)
-    covariance, freedom = jackknife(x, parameters, basis, blocks)
-    alias = _in_place(neglected(u, model), parameters)
-    covariance = covariance + alias
-    s = unpacked(parameters)[1]
+    jacobian = design(u, x, parameters)
+    scores = jacobian * r[:, None] - noise_slopes(x, parameters)
+    covariance, freedom = jackknife(jacobian @ basis, scores @ basis, blocks)
+    covariance = basis @ covariance @ basis.T + _in_place(neglected(u, model), parameters)
     error = hard_iron = np.inf
     if np.isfinite(covariance).all():
         error = float(errors_by_direction(covariance, parameters).max())
-        hard_iron = float(np.sqrt(np.linalg.eigvalsh(s @ alias[:3, :3] @ s)[-1].clip(0)))
+        s = unpacked(parameters)[1]
+        hard_iron = float(np.sqrt(np.linalg.eigvalsh(s @ covariance[:3, :3] @ s)[-1].clip(0)))
     reason = _reason(model, r, spread_out, error, hard_iron)
     return Trial(model, parameters, covariance, freedom, blocks, time, spread_out, error, hard_iron, seen,
                  reason)  # fmt: skip
@@ -158,7 +164,7 @@ def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
 
 def _in_place(covariance: np.ndarray, parameters: np.ndarray) -> np.ndarray:
     """A covariance stated at h = 0, S = 1, at these parameters (S diagonal)."""
-    s = np.diag(unpacked(parameters)[1])
+    s = np.abs(np.diag(unpacked(parameters)[1]))  # of a fit that failed they may be negative
     factor = np.r_[1 / s, s, np.sqrt(s[[0, 0, 1]] * s[[1, 2, 2]])]
     return covariance * np.outer(factor, factor)
 
@@ -171,18 +177,19 @@ def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iro
             f"The directions are too few for {name}: in the worst one a corrected reading errs {many} times "
             f"as much as after a turn through all attitudes ({MOST_DILUTION:g} at most)"
         )
-    if hard_iron > MOST_HARD_IRON:
-        return (
-            f"With {name}, what these directions leave out errs the hard iron by {100 * hard_iron:.0f} % of "
-            f"the field ({100 * MOST_HARD_IRON:.0f} % at most)"
-        )
     residual = float(np.sqrt(np.mean(r**2)))
     if residual > NOT_ONE_FIELD:
         return (
             "The readings lie on no ellipsoid: their distance from the nearest is "
             f"{100 * residual:.0f} % of the field rms"
         )
-    if 2 * error > MOST_ERROR:
+    if hard_iron > MOST_HARD_IRON:
+        return (
+            f"With {name} the hard iron is uncertain by {100 * hard_iron:.0f} % of the field (standard "
+            f"error, {100 * MOST_HARD_IRON:.0f} % at most)"
+        )
+    # What a reduced model leaves out it does not claim to correct.
+    if model == "ellipsoid" and 2 * error > MOST_ERROR:
         return (
             f"With {name} a corrected reading is uncertain by {200 * error:.0f} % of the field in the worst "
             f"direction ({100 * MOST_ERROR:.0f} % at most)"

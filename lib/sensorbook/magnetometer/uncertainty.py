@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
-from sensorbook.magnetometer.ellipsoid import design, refine, residuals
+from sensorbook.magnetometer.ellipsoid import refine, residuals
 
 MOST_BLOCKS, FEWEST_BLOCKS = 40, 10
 TIMES = 10  # correlation times a block should last, so that neighbours are nearly independent
@@ -38,31 +38,30 @@ def number_of_blocks(count: int, time: float) -> int:
     return min(count, int(np.clip(count / (TIMES * time), FEWEST_BLOCKS, MOST_BLOCKS)))
 
 
-def jackknife(
-    m: np.ndarray, parameters: np.ndarray, basis: np.ndarray, blocks: int
-) -> tuple[np.ndarray, int]:
-    """Covariance (9, 9) of the parameters, and degrees of freedom for Student's t.
+def jackknife(jacobian: np.ndarray, scores: np.ndarray, blocks: int) -> tuple[np.ndarray, int]:
+    """Covariance (K, K) of the parameters, and degrees of freedom for Student's t.
 
     Delete-one-block jackknife of the linearised problem about the mean of the deleted fits (Shao and
     Tu 1995, 9.1; for clustered errors Bell and McCaffrey's CR3). Infinite where a block alone holds
     what determines a parameter.
+
+    Parameters
+    ----------
+    jacobian : (N, K) derivatives of the residuals at the estimate, in the order of time
+    scores : (N, K) each residual times its row of `jacobian`, whose sum the estimate makes zero
+    blocks : number of blocks of consecutive rows
     """
-    r, u = residuals(m, parameters)
-    jacobian = design(u, m, parameters) @ basis
-    parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(len(m)), blocks)]
+    rows, k = jacobian.shape
+    parts = [slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(rows), blocks)]
     squares = np.stack([jacobian[part].T @ jacobian[part] for part in parts])
-    slopes = np.stack([jacobian[part].T @ r[part] for part in parts])
-    total = squares.sum(axis=0)
-    if np.linalg.cond(total) > 1e14:
-        return np.full((9, 9), np.inf), 1
-    left = total - squares
-    if max(np.linalg.cond(left)) > 1e14:
-        return np.full((9, 9), np.inf), 1
+    slopes = np.stack([scores[part].sum(axis=0) for part in parts])
+    left = squares.sum(axis=0) - squares
+    if np.linalg.cond(left).max() > 1e14:
+        return np.full((k, k), np.inf), 1
     deleted = np.linalg.solve(left, slopes[..., None])[..., 0]
     deleted -= deleted.mean(axis=0)
     covariance = (blocks - 1) / blocks * deleted.T @ deleted
-    freedom = blocks - (basis.shape[1] if blocks == len(m) else 1)
-    return basis @ covariance @ basis.T, max(1, freedom)
+    return covariance, max(1, blocks - (k if blocks == rows else 1))
 
 
 def held_out(
