@@ -189,8 +189,11 @@ def directions(rng, kind: str, size: float, samples: int) -> np.ndarray:
 def speed(options) -> None:
     rng = np.random.default_rng([options.seed, 4])
     m, _ = device(rng, 2000.0, 1.0)
-    for name, f in (("ours, with coverage, held-out residual and jackknife", calibrate), ("(max+min)/2", min_max),
-                    ("quadric alone", quadric)):  # fmt: skip
+    peers = {"(max+min)/2": min_max, "quadric alone": quadric}
+    for name, f in {
+        "ours, coverage, held-out residual and jackknife in it": calibrate,
+        **peers,
+    }.items():
         best = min(timed(f, m) for _ in range(3))
         print(
             f"{len(m)} readings, one thread, {name}: {best:.3f} s"

@@ -79,10 +79,9 @@ class MagnetometerCalibration:
         return float(stats.t.ppf(0.975, self.dof))
 
     @property
-    def axis_ratio(self) -> float:
-        """Longest over shortest axis of the ellipsoid of the readings."""
-        axes = np.linalg.eigvalsh(self.soft_iron)
-        return float(axes[-1] / axes[0])
+    def semi_axes(self) -> np.ndarray:
+        """(3,) T, of the ellipsoid of the readings, shortest first."""
+        return self.field / np.linalg.eigvalsh(self.soft_iron)[::-1]
 
     def correct(self, raw: np.ndarray) -> np.ndarray:
         """(N, 3) corrected readings, T, of raw ones (N, 3)."""

@@ -8,15 +8,21 @@ from pathlib import Path
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.simulate import ahrs, phone, positions
+from sensorbook.simulate import ahrs, phone, positions, rotation
 from sensorbook.simulate.folder import write
 
 PRESETS = {
     "ahrs": "work A's robotics-grade AHRS: two hours at rest at 100 Hz and a temperature sweep",
     "positions": "an IMU laid down by hand in 25 attitudes, and levelled on its six faces",
     "phone": "work B's phone: six faces, 23 attitudes and a check, as a recorder's SQLite files",
+    "rotation": "a magnetometer and an accelerometer turned by hand through all attitudes",
 }
-_BUILDERS = {"ahrs": ahrs.build, "positions": positions.build, "phone": phone.build}
+_BUILDERS = {
+    "ahrs": ahrs.build,
+    "positions": positions.build,
+    "phone": phone.build,
+    "rotation": rotation.build,
+}
 
 
 def simulate(folder: str | Path, preset: str = "ahrs", seed: int = 1) -> Path:
