@@ -146,10 +146,10 @@ def _without_thermal(runs: Iterable[sensorbook.Recording], thermal_record: str) 
     return tuple(ready)
 
 
-def load_positions(
+def load_runs(
     folder: str, sensor: str, kind: str, thermal_record: str
 ) -> tuple[sensorbook.Device, tuple, tuple]:
-    """The device, its recordings of rest positions, and those kept for checking (`check = true`).
+    """The device, its recordings to calibrate with, and those kept for checking (`check = true`).
 
     Each is less the bias's change with temperature, where the record of the thermal chapter has a
     model. What was done is said.

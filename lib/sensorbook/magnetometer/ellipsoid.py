@@ -64,6 +64,8 @@ def algebraic(m: np.ndarray) -> np.ndarray | None:
     """
     centre = m.mean(axis=0)
     size = np.abs(m - centre).max()
+    if size == 0:
+        return None
     x, y, z = ((m - centre) / size).T
     d = np.stack([x * x, y * y, z * z, 2 * y * z, 2 * x * z, 2 * x * y, 2 * x, 2 * y, 2 * z,
                   np.ones_like(x)])  # fmt: skip

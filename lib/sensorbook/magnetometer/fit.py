@@ -57,6 +57,7 @@ class Trial:
     covariance : (9, 9) with what the model neglects
     dilution : error in the worst direction over that of readings all over the sphere
     error : of the corrected unit vector in the worst direction, standard error
+    inflation : of the hard iron's standard error over the formal one, which counts every reading as new
     hard_iron : of the field, worst standard error of the hard iron, with what is neglected
     """
 
@@ -66,6 +67,7 @@ class Trial:
     freedom: int
     blocks: int
     correlation: float
+    inflation: float
     dilution: float
     error: float
     hard_iron: float
@@ -94,22 +96,8 @@ def calibrate(
     Refusal
         too few readings, readings on no ellipsoid, or a motion that determines none of the models
     """
-    finite = np.isfinite(values).all(axis=1)
-    m = np.asarray(values, dtype=float)[finite]
-    if len(m) < FEWEST or len(np.unique(m, axis=0)) < FEWEST:
-        raise Refusal(
-            f"{len(np.unique(m, axis=0))} different readings are too few; {FEWEST} are needed.",
-            "Turn the device slowly through all attitudes for a minute.",
-        )
-    centre = np.median(m, axis=0)
-    size = float(np.linalg.norm(m - centre, axis=1).mean())
-    x = (m - centre) / size
-    full, kept = robust_ellipsoid(x)
-    trials = []
-    for model in MODELS:
-        trials.append(_tried(model, x[kept], full))
-        if not trials[-1].reason:
-            break
+    finite, centre, size, kept, trials = _attempted(values)
+    x = (np.asarray(values, dtype=float)[finite] - centre) / size
     best = trials[-1]
     if best.reason:
         raise Refusal(*_refused(trials))
@@ -124,14 +112,48 @@ def calibrate(
         dof=best.freedom,
         residual=float(np.sqrt(np.mean(r[kept] ** 2))),
         residual_check=float(np.sqrt(np.mean(check[kept] ** 2))),
-        residual_before=_residual_before(m[kept]),
+        residual_before=_residual_before(x[kept] * size + centre),
         coverage=best.coverage,
         used=used,
         dilution=best.dilution,
         blocks=best.blocks,
         correlation=best.correlation,
+        inflation=best.inflation,
         reduced=tuple(t.reason for t in trials[:-1]),
     )
+
+
+def directions(values: np.ndarray) -> np.ndarray:
+    """(N, 3) directions of the corrected field as far as the readings tell, determined or not.
+
+    Of the finite rows of `values` (N, 3), by the model that `calibrate` ends with; raises its `Refusal`
+    for too few.
+    """
+    finite, centre, size, _, trials = _attempted(values)
+    x = (np.asarray(values, dtype=float)[finite] - centre) / size
+    return residuals(x, trials[-1].parameters)[1]
+
+
+def _attempted(values: np.ndarray):
+    """Finite rows (N,), centre (3,) and size of the readings, which are kept, and the models tried."""
+    finite = np.isfinite(values).all(axis=1)
+    m = np.asarray(values, dtype=float)[finite]
+    different = len(np.unique(m, axis=0))
+    if different < FEWEST:
+        raise Refusal(
+            f"{different} different readings are too few; {FEWEST} are needed.",
+            "Turn the device slowly through all attitudes for a minute.",
+        )
+    centre = np.median(m, axis=0)
+    size = float(np.linalg.norm(m - centre, axis=1).mean())
+    x = (m - centre) / size
+    full, kept = robust_ellipsoid(x)
+    trials = []
+    for model in MODELS:
+        trials.append(_tried(model, x[kept], full))
+        if not trials[-1].reason:
+            break
+    return finite, centre, size, kept, trials
 
 
 def _residual_before(m: np.ndarray) -> float:
@@ -151,6 +173,8 @@ def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
     jacobian = design(u, x, parameters)
     scores = jacobian * r[:, None] - noise_slopes(x, parameters)
     covariance, freedom = jackknife(jacobian @ basis, scores @ basis, blocks)
+    formal = np.mean(r**2) * np.linalg.pinv((jacobian @ basis).T @ (jacobian @ basis))
+    inflation = float(np.sqrt(np.mean(np.diag(covariance)[:3] / np.diag(formal)[:3])))
     covariance = basis @ covariance @ basis.T + _in_place(neglected(u, model), parameters)
     error = hard_iron = np.inf
     if np.isfinite(covariance).all():
@@ -158,8 +182,8 @@ def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
         s = unpacked(parameters)[1]
         hard_iron = float(np.sqrt(np.linalg.eigvalsh(s @ covariance[:3, :3] @ s)[-1].clip(0)))
     reason = _reason(model, r, spread_out, error, hard_iron)
-    return Trial(model, parameters, covariance, freedom, blocks, time, spread_out, error, hard_iron, seen,
-                 reason)  # fmt: skip
+    return Trial(model, parameters, covariance, freedom, blocks, time, inflation, spread_out, error,
+                 hard_iron, seen, reason)  # fmt: skip
 
 
 def _in_place(covariance: np.ndarray, parameters: np.ndarray) -> np.ndarray:

@@ -37,6 +37,7 @@ class MagnetometerCalibration:
     dilution : error of a corrected reading in the worst direction, over that of readings all over
     blocks : blocks of consecutive readings that the covariance rests on
     correlation : integrated correlation time of the residuals, samples
+    inflation : of the hard iron's standard error over the formal one, which counts every reading as new
     reduced : why each fuller model was not taken
     """
 
@@ -56,6 +57,7 @@ class MagnetometerCalibration:
     dilution: float
     blocks: int
     correlation: float
+    inflation: float
     reduced: tuple[str, ...]
 
     @property

@@ -1,0 +1,90 @@
+"""A tenth of wrong readings; nothing lost where nothing is wrong."""
+
+import numpy as np
+import pytest
+
+from sensorbook.magnetometer import calibrate
+from sensorbook.magnetometer.ellipsoid import packed, residuals
+from sensorbook.magnetometer.robust import robust_ellipsoid
+
+from .turns import FIELD, anywhere, iron_of, read, soft_iron_of, turned_by_hand
+
+WRONG = {
+    "spikes of any size": lambda rng, m, k: m[k] + rng.normal(scale=FIELD, size=(len(k), 3)),
+    "all at one place": lambda rng, m, k: np.tile(m.mean(axis=0) + 0.8 * FIELD, (len(k), 1)),
+    "6 µT to one side": lambda rng, m, k: m[k] + [6e-6, 0, 0],
+    "full scale": lambda rng, m, k: np.full((len(k), 3), 800e-6),
+}
+
+
+@pytest.mark.parametrize("stretch", [False, True], ids=["anywhere", "in one stretch"])
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tenth_of_wrong_readings_does_not_move_the_hard_iron(name, stretch, seed):
+    rng = np.random.default_rng([seed, 1])
+    m = read(rng, turned_by_hand(rng), iron_of(rng))
+    clean = calibrate(m)
+    n = len(m) // 10
+    k = rng.integers(len(m) - n) + np.arange(n) if stretch else rng.permutation(len(m))[:n]
+    spoilt = m.copy()
+    spoilt[k] = WRONG[name](rng, m, k)
+    fit = calibrate(spoilt)
+    assert fit.method == "ellipsoid"
+    assert np.abs((fit.hard_iron - clean.hard_iron) / fit.std[:3]).max() < 2
+    if name in ("all at one place", "full scale"):
+        assert not fit.used[k].any()
+
+
+def test_clean_readings_are_kept():
+    """White noise: of a normal one in 16 000 is farther off than four deviations."""
+    lost = 0
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 2])
+        m = anywhere(rng, 3000) + 0.01 * rng.standard_normal((3000, 3))
+        lost += (~robust_ellipsoid(m)[1]).sum()
+    assert lost <= 20  # of 60 000, 4 expected (Poisson), and the scale is itself estimated
+
+
+def test_noise_free_readings_are_all_kept():
+    rng = np.random.default_rng(3)
+    h, s = np.array([0.3, 0.2, -0.4]), soft_iron_of(rng, [0.9, 1, 1.2])
+    m = np.linalg.solve(s, anywhere(rng, 500).T).T + h
+    parameters, kept = robust_ellipsoid(m)
+    assert kept.all()
+    np.testing.assert_allclose(parameters, packed(h, s), rtol=0, atol=1e-9)
+
+
+def test_nothing_is_lost_against_least_squares():
+    """Where no reading is set aside, the result is plain least squares, which is efficient."""
+    rng = np.random.default_rng(4)
+    m = anywhere(rng, 1000) + 0.01 * rng.uniform(-1, 1, (1000, 3))
+    parameters, kept = robust_ellipsoid(m)
+    assert kept.all()
+    from sensorbook.magnetometer.ellipsoid import BASES, algebraic, refine
+
+    plain = refine(m, algebraic(m), BASES["ellipsoid"])
+    np.testing.assert_allclose(parameters, plain, rtol=0, atol=1e-8)
+
+
+def test_readings_set_aside_are_those_far_off():
+    rng = np.random.default_rng(5)
+    m = anywhere(rng, 2000) + 0.01 * rng.standard_normal((2000, 3))
+    bad = rng.permutation(2000)[:200]
+    m[bad] *= rng.choice([0.7, 1.3], size=(200, 1))
+    parameters, kept = robust_ellipsoid(m)
+    assert not kept[bad].any()
+    assert kept.sum() >= 1790  # of 1800
+    # 0.01 · √(10 / 1800) ≈ 7e-4 a parameter at one standard error.
+    assert np.abs(parameters - packed(np.zeros(3), np.eye(3))).max() < 4e-3
+    assert np.abs(residuals(m[kept], parameters)[0]).max() < 0.05
+
+
+def test_a_device_at_rest_for_half_of_the_recording():
+    """Coarse readings at rest are all the same: subsets of them alone hold nothing."""
+    rng = np.random.default_rng(6)
+    iron = iron_of(rng)
+    m = read(rng, turned_by_hand(rng), iron)
+    fit = calibrate(np.vstack([np.tile(m[:1], (3000, 1)), m]))
+    assert fit.method == "ellipsoid"
+    error = np.abs(fit.hard_iron - iron["hard_iron"])
+    assert (error < 2 * fit.interval_factor * fit.std[:3]).all()
