@@ -3,12 +3,13 @@
 SHELL := /bin/bash
 PYTHON ?= python3
 BIN := .venv/bin
+DEMOS := data/ahrs-demo data/positions-demo data/rotation-demo
 
 .PHONY: report test lab bench format
 .DELETE_ON_ERROR:
 
-report: .venv/.installed data/ahrs-demo/device.toml data/positions-demo/device.toml
-	$(BIN)/sensorbook report data/ahrs-demo data/positions-demo --out reports
+report: .venv/.installed $(DEMOS:%=%/device.toml)
+	$(BIN)/sensorbook report $(DEMOS) --out reports
 	@echo "Open $(CURDIR)/reports/index.html"
 
 data/%-demo/device.toml: | .venv/.installed

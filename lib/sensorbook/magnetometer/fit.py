@@ -123,6 +123,20 @@ def calibrate(
     )
 
 
+def by_run(runs, earth) -> dict[str, MagnetometerCalibration | Refusal]:
+    """The calibration of each recording by itself, or its refusal, by file name.
+
+    `earth` is the `Field` of their place.
+    """
+    found = {}
+    for run in runs:
+        try:
+            found[run.file] = calibrate(run.values, earth.strength, earth.std, earth.source)
+        except Refusal as refusal:
+            found[run.file] = refusal
+    return found
+
+
 def directions(values: np.ndarray) -> np.ndarray:
     """(N, 3) directions of the corrected field as far as the readings tell, determined or not.
 

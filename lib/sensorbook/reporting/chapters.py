@@ -106,4 +106,13 @@ CHAPTERS = (
         needs=("thermal",),
         result="calibration",
     ),
+    Chapter(
+        slug="magnetometer",
+        notebook=NOTEBOOKS / "09_magnetometer.ipynb",
+        title="Magnetometer calibration",
+        kind="rotation",
+        sensors=("magnetometer",),
+        needs=("thermal",),
+        result="calibration",
+    ),
 )
