@@ -20,6 +20,11 @@ from sensorbook.magnetometer.result import MagnetometerCalibration
 from sensorbook.magnetometer.uncertainty import correlation_time, jackknife, number_of_blocks
 
 FEWEST = 100  # pairs of readings
+OWN = {  # models of a triad in words that fit an accelerometer
+    "ellipsoid": "its own ellipsoid",
+    "diagonal": "its own bias and scale factors",
+    "hard_iron": "its own bias",
+}
 MOST_DILUTION = 4.0  # of the turn's error over that of attitudes all round
 
 
@@ -125,7 +130,7 @@ def align(
     """
     try:
         level = calibrate(force, gravity)
-        done = f"corrected by its own ellipsoid ({level.method.replace('_', ' ')})"
+        done = f"corrected by {OWN[level.method]}"
         up = _unit(level.correct(force))
     except Refusal as refusal:
         done, up = f"as read ({refusal.reason.rstrip('.')})", _unit(force)

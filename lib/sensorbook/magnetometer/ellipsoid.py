@@ -55,6 +55,7 @@ def design(u: np.ndarray, m: np.ndarray, parameters: np.ndarray) -> np.ndarray:
     return np.hstack([-u @ s, np.stack(columns, axis=1)])
 
 
+@np.errstate(all="ignore")  # of degenerate readings: what is not finite is None
 def algebraic(m: np.ndarray) -> np.ndarray | None:
     """(9,) least-squares quadric of (N, 3) readings that is an ellipsoid; None where there is none.
 
@@ -87,10 +88,10 @@ def algebraic(m: np.ndarray) -> np.ndarray | None:
         h = -np.linalg.solve(quadric, linear)
     except np.linalg.LinAlgError:
         return None
-    level = h @ quadric @ h - constant[0]
-    if level == 0 or not np.isfinite(level):
+    quadric = quadric / (h @ quadric @ h - constant[0])
+    if not np.isfinite(quadric).all():
         return None
-    squares, turn = np.linalg.eigh(quadric / level)
+    squares, turn = np.linalg.eigh(quadric)
     if squares[0] <= 0:
         return None
     return packed(centre + size * h, turn @ np.diag(np.sqrt(squares) / size) @ turn.T)
