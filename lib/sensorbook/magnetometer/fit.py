@@ -189,7 +189,8 @@ def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
     covariance, freedom = jackknife(jacobian @ basis, scores @ basis, blocks)
     formal = np.mean(r**2) * np.linalg.pinv((jacobian @ basis).T @ (jacobian @ basis))
     inflation = float(np.sqrt(np.mean(np.diag(covariance)[:3] / np.diag(formal)[:3])))
-    covariance = basis @ covariance @ basis.T + _in_place(neglected(u, model), parameters)
+    with np.errstate(invalid="ignore"):  # infinite where one block alone determines a parameter
+        covariance = basis @ covariance @ basis.T + _in_place(neglected(u, model), parameters)
     error = hard_iron = np.inf
     if np.isfinite(covariance).all():
         error = float(errors_by_direction(covariance, parameters).max())
