@@ -6,15 +6,16 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Any
 
 from sensorbook.export.source import Entry
 from sensorbook.recordings.checks import finite
-from sensorbook.reporting.index import interval, quantity_name, quantity_unit
-from sensorbook.units import SENSOR_UNITS, UnitError, quantities
+from sensorbook.reporting.calibrations import calibration_estimates
+from sensorbook.reporting.words import interval, quantity_name
+from sensorbook.units import SENSOR_UNITS, UnitError, field_unit, quantities
 
 AXES = ("x", "y", "z")
 FALSE_ALARMS = 0.05  # probability that any of all comparisons is marked though nothing changed
+_SCALED = ("soft_iron", "field")  # relative where the field's strength is not known
 _HALF_WIDTH = NormalDist().inv_cdf(0.975)  # standard errors to either side of a 95 % interval
 
 
@@ -67,7 +68,12 @@ def compare(results: Sequence[Entry]) -> list[Comparison]:
         ordered.sort(key=_created)
     reference, *others = ordered
     first = _numbers(reference)
-    found = [(other, _changes(first, _numbers(other))) for other in others]
+    found = []
+    for other in others:
+        both = first, _numbers(other)
+        if _differently_scaled(reference, other):
+            both = ({k: m for k, m in n.items() if k[1] not in _SCALED} for n in both)
+        found.append((other, _changes(*both)))
     count = sum(change.z is not None for _, changes in found for change in changes)
     threshold = NormalDist().inv_cdf(1 - FALSE_ALARMS / (2 * max(count, 1)))
     return [
@@ -102,7 +108,7 @@ def table(comparison: Comparison) -> Iterator[str]:
     yield f"{_title(other)}, against {_title(reference)}"
     rows = [("", "", "reference", "now", "unit", "change", "")]
     for change in comparison.changes:
-        unit, scale = quantity_unit(change.sensor, change.quantity)
+        unit, scale = field_unit(change.sensor, change.quantity)
         name = quantity_name(change.sensor, change.quantity)
         z = "–" if change.z is None else f"{change.z:+.1f} σ"
         rows.append((f"{change.sensor} {name[0].lower()}{name[1:]}", change.axis,
@@ -176,38 +182,28 @@ def _numbers(results: Entry) -> dict[tuple[str, str, str], Measured]:
                 if quantity in known and quantity != "noise_density":  # √2 times the random walk
                     measured = _measured(entries.get(quantity), bounds.get(quantity))
                     found[sensor, quantity, axis] = measured
-        found |= {(sensor, q, a): m for (q, a), m in _calibration(sensors.get(sensor), known)}
+        found |= {(sensor, q, a): m for (q, a), m in _calibration(sensors.get(sensor))}
     return found
 
 
-def _calibration(sensor: Entry, known) -> Iterator[tuple[tuple[str, str], Measured]]:
-    """Numbers of a calibration that state their standard deviations."""
-    calibration = sensor.get("calibration")
-    for quantity in ("bias", "hard_iron"):
-        values = calibration.get(quantity).value
-        spread = calibration.get("std").get(quantity).value
-        if quantity not in known or not _three(values) or not _three(spread):
-            continue
-        for axis, value, std in zip(AXES, values, spread, strict=True):
-            half = _HALF_WIDTH * std
-            yield (quantity, axis), Measured(value, value - half, value + half)
-    matrix, spread = calibration.get("matrix").value, calibration.get("std").get("matrix").value
-    if not (_three_by_three(matrix) and _three_by_three(spread)):
-        return
-    for i, row in enumerate(AXES):
-        for j, column in enumerate(AXES):
-            value, half = matrix[i][j] - (i == j), _HALF_WIDTH * spread[i][j]
-            if half:
-                key = ("scale_factor_error", row) if i == j else ("misalignment", row + column)
-                yield key, Measured(value, value - half, value + half)
+def _differently_scaled(reference: Entry, other: Entry) -> bool:
+    """Whether one soft iron is scaled to the Earth's field and the other to determinant 1."""
+    both = [r.at("sensors").get("magnetometer").get("calibration") for r in (reference, other)]
+    known = {bool(c.get("field_known").value) for c in both if c.get("method").value is not None}
+    return len(known) == 2
 
 
-def _three_by_three(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(map(_three, value))
-
-
-def _three(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(map(finite, value))
+def _calibration(sensor: Entry) -> Iterator[tuple[tuple[str, str], Measured]]:
+    """Numbers of a calibration with their intervals; what is fixed has none."""
+    try:
+        found = calibration_estimates(sensor.value)
+        if not all(finite(number) for numbers in found.values() for number in numbers):
+            raise ValueError
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        raise sensor.get("calibration").wrong("is not as results.json has it") from None
+    for key, (value, low, high) in found.items():
+        if low < high:
+            yield key, Measured(value, low, high)
 
 
 def _measured(entry: Entry, bound: Entry) -> Measured:
@@ -247,6 +243,9 @@ def _cautions(reference: Entry, other: Entry) -> Iterator[str]:
         if all(map(finite, temperatures)) and abs(temperatures[0] - temperatures[1]) > 1:
             yield (f"the {sensor}'s thermal model is relative to {temperatures[0]:.1f} °C, now to "
                    f"{temperatures[1]:.1f} °C")  # fmt: skip
+    if _differently_scaled(reference, other):
+        yield ("the magnetometer's soft iron is scaled to the Earth's field in one of the two only: it "
+               "is not compared")  # fmt: skip
     if _name(reference) != _name(other):
         return
     versions = [r.get("software").get("sensorbook").value for r in (reference, other)]

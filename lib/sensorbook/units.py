@@ -106,6 +106,8 @@ _DESCRIPTIONS = {
     "m/s^3": ("a jerk", "mg/s or m/s^3"),
     "T/s": ("a rate of flux density", "nT/s or uT/s"),
     "1": ("a ratio", "percent, ppm or 1"),
+    "percent": ("a ratio", "percent, ppm or 1"),
+    "deg": ("an angle", "deg, rad or arcsec"),
 }
 
 # quantity: SI unit and field unit of the gyroscope, the accelerometer and the magnetometer
@@ -134,10 +136,15 @@ _QUANTITY_UNITS = {
     "scale_factor_error": (("1", "ppm"), ("1", "ppm"), None),
     "misalignment": (("rad", "mrad"), ("rad", "mrad"), None),
     "hard_iron": (None, None, ("T", "µT")),
+    "soft_iron": (None, None, ("1", "1")),
     "field": (None, None, ("T", "µT")),
     "rms_before": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
     "rms_after": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
     "rms_check": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
+    "residual_percent": (None, None, ("percent", "%")),
+    "residual_percent_check": (None, None, ("percent", "%")),
+    "coverage_percent": (None, None, ("percent", "%")),
+    "heading_error_after_deg": (None, None, ("deg", "°")),
 }
 
 

@@ -9,6 +9,7 @@ import pytest
 from sensorbook.compare import compare, table
 from sensorbook.export.source import read_results
 from sensorbook.reporting import group, index, results
+from sensorbook.reporting.calibration_table import calibration_table
 
 STD = {"matrix": [[1e-4, 0, 0], [2e-4, 1e-4, 0], [2e-4, 2e-4, 1e-4]], "bias": [1e-3, 1e-3, 2e-3]}
 CALIBRATION = {
@@ -123,9 +124,8 @@ def test_index_judges_each_misalignment_by_itself(tmp_path):
         "matrix": [[1.01, 0, 0], [0.002, 0.98, 0], [0.001, -0.005, 1.0]],
     }
     found = assembled(record("multi_position", calibration=whole), spec=spec)
-    (shown,) = [
-        index._calibration("accelerometer", found["sensors"]["accelerometer"], found["checks"])
-    ]
+    result = found["sensors"]["accelerometer"]
+    shown = calibration_table("accelerometer", result, found["checks"])
     cells = [c for row in shown["rows"] if row["name"] == "Misalignment" for c in row["cells"]]
     assert [(c["axis"], c["verdict"]) for c in cells] == [
         ("yx", "pass"),

@@ -27,8 +27,7 @@ KINDS = {  # kind: sensors it is recorded with, besides a temperature of its own
     "images": ("camera",),
     "trajectory": (*SENSOR_UNITS, "reference"),
 }
-_CHECKED = ("positions", "six_position")  # kinds of which recordings may be kept for checking
-_RATIOS = ("residual_percent", "residual_percent_check", "coverage_percent")
+_CHECKED = ("positions", "six_position", "rotation")  # kinds that may be kept for checking
 
 
 @dataclass(frozen=True)
@@ -162,14 +161,14 @@ def _check_spec(spec: dict) -> list[Problem]:
 
 
 def _limit_faults(sensor: str, quantity: str, limit: object):
-    known = (*quantities(sensor), *(_RATIOS if sensor == "magnetometer" else ()))
+    known = quantities(sensor)
     if quantity not in known:
         yield "", ("is not a quantity with a limit", suggest(quantity, known))
         return
     if not isinstance(limit, dict):
         yield "", (f"{shown(limit)} is not a table", 'write { max = …, unit = "…" }')
         return
-    si = "1" if quantity in _RATIOS else si_unit(sensor, quantity)
+    si = si_unit(sensor, quantity)
     for key, value in limit.items():
         if key in ("min", "max"):
             yield f".{key}", checks.number()(value)
@@ -179,7 +178,8 @@ def _limit_faults(sensor: str, quantity: str, limit: object):
             yield f".{key}", ("is not a key of a limit", suggest(key, ("min", "max", "unit")))
     if not {"min", "max"} & limit.keys():
         yield "", ("sets no limit", 'write { max = …, unit = "…" }')
-    if "unit" not in limit and quantity not in _RATIOS:
+    named = quantity.endswith(("_percent", "_percent_check", "_deg"))  # its name says its unit
+    if "unit" not in limit and not named:
         yield ".unit", ("is missing", f'write unit = "{si}" or another unit of it')
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from sensorbook.reporting.index import check_words
+from sensorbook.reporting.words import check_words
 
 
 def gate(found: dict[str, Any]) -> Iterator[str]:

@@ -20,9 +20,16 @@ import numpy as np
 from markupsafe import Markup
 
 from sensorbook import units
-from sensorbook.reporting.index import SYMBOLS, quantity_name, quantity_unit
+from sensorbook.reporting.calibrations import (
+    AXES,
+    axes_of,
+    calibration_estimates,
+    size,
+    whole,
+)
 from sensorbook.reporting.render import TEMPLATES, page
-from sensorbook.reporting.results import AXES, calibration_estimates, overall
+from sensorbook.reporting.results import overall
+from sensorbook.reporting.words import SYMBOLS, quantity_name
 
 LARGEST = 64 << 20  # bytes of a results.json that is read
 USUAL = (
@@ -30,7 +37,7 @@ USUAL = (
     "bias_instability",
     "rate_random_walk",
 )  # always shown; others where they are judged
-CHECKED = ("rms_check", "residual_percent_check")  # of a calibration
+WHOLE = ("residual_percent", "coverage_percent", "heading_error_after_deg")  # of a magnetometer
 LISTED = 50  # devices named above the table
 FEWEST = 8  # devices of one model whose spread means something
 OUTLYING = 5.0  # robust standard deviations
@@ -104,7 +111,7 @@ def group_page(root: Path) -> str:
         models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
                 for model, members in models],
         several=len(models) > 1 or bool(models and models[0][0]),
-        columns=[(*c, quantity_name(*c), quantity_unit(*c)[0]) for c in columns],
+        columns=[(*c, quantity_name(*c), units.field_unit(*c)[0]) for c in columns],
         count=len(rows),
         script=Markup(script),
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
@@ -149,10 +156,12 @@ def _read(folder: str, found: dict[str, Any]) -> Row:
             _take_noise(row, str(sensor), quantity, result.get("noise", {}))
         _take_calibration(row, str(sensor), result)
         calibration = result.get("calibration")
-        for quantity in CHECKED:
-            if isinstance(calibration, dict) and _finite(calibration.get(quantity)):
-                scale = _scale(str(sensor), quantity)
-                row.values[str(sensor), quantity] = Value(calibration[quantity] / scale)
+        if isinstance(calibration, dict) and _finite(calibration.get("rms_check")):
+            held_out = calibration["rms_check"] / _scale(str(sensor), "rms_check")
+            row.values[str(sensor), "rms_check"] = Value(held_out)
+        for quantity in WHOLE:
+            if _finite(value := whole(result, quantity)):
+                row.values[str(sensor), quantity] = Value(value / _scale(str(sensor), quantity))
     for check in found["checks"]:
         _take_check(row, check)
     row.reasons += _reasons(row, found)
@@ -174,15 +183,15 @@ def _take_noise(row: Row, sensor: str, quantity: str, noise: dict[str, Any]) -> 
 
 
 def _take_calibration(row: Row, sensor: str, result: dict[str, Any]) -> None:
-    """The largest bias and scale factor error of the axes, by size."""
-    for (quantity, axis), (value, low, high) in calibration_estimates(result).items():
-        if quantity == "misalignment" or not all(map(_finite, (value, low, high))):
+    """Of each quantity the largest of the axes, by size; misalignments and field only where judged."""
+    for (quantity, axes), estimate in calibration_estimates(result).items():
+        if quantity in ("misalignment", "field") or not all(map(_finite, estimate)):
             continue
         scale = _scale(sensor, quantity)
+        value, low, high = size(quantity, axes, estimate)
         known = row.values.get((sensor, quantity))
-        if known is None or abs(value) / scale > known.number:
-            size = abs(value) / scale
-            row.values[sensor, quantity] = Value(size, axis, _error(*sorted((abs(low), abs(high)))))
+        if known is None or value / scale > known.number:
+            row.values[sensor, quantity] = Value(value / scale, axes, _error(low, high))
 
 
 def _take_check(row: Row, check: dict[str, Any]) -> None:
@@ -210,11 +219,12 @@ def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
     """Why a device needs attention, in words."""
     for (sensor, quantity), value in row.values.items():
         if value.verdict in ("fail", "undecided"):
-            name, unit = quantity_name(sensor, quantity), quantity_unit(sensor, quantity)[0]
+            name, unit = quantity_name(sensor, quantity), units.field_unit(sensor, quantity)[0]
+            where = f" {value.axis or 'of all axes'}" if all(axes_of(quantity)) else ""
             word = "" if value.verdict == "fail" else "undecided: "
             number = "no result" if math.isnan(value.number) else digits(value.number)
-            yield (f"{word}{sensor} {name[0].lower()}{name[1:]} {value.axis or 'of all axes'} {number}, "
-                   f"limit {value.bound} {unit}")  # fmt: skip
+            yield (f"{word}{sensor} {name[0].lower()}{name[1:]}{where} {number}, "
+                   f"limit {value.bound} {unit}".removesuffix(" 1"))  # fmt: skip
     yield from (str(problem) for problem in found["problems"][:3])
     for status in ("failed", "refused"):
         for chapter in [c for c in found["chapters"] if c["status"] == status][:2]:
@@ -243,7 +253,7 @@ def _finite(value: Any) -> bool:
 
 def _scale(sensor: str, quantity: str) -> float:
     try:
-        return quantity_unit(sensor, quantity)[1]
+        return units.field_unit(sensor, quantity)[1]
     except units.UnitError:
         raise ValueError from None
 
@@ -280,7 +290,7 @@ def _spread(members: Sequence[Row], column: Column) -> Spread | None:
     logs = np.log([v.number for _, v in known])
     middle = float(np.median(logs))
     robust = 1.4826 * float(np.median(np.abs(logs - middle)))
-    name, unit = quantity_name(*column), quantity_unit(*column)[0]
+    name, unit = quantity_name(*column), units.field_unit(*column)[0]
     far = []
     for (row, value), log in zip(known, logs, strict=True):
         scale = math.hypot(robust, value.error)

@@ -11,32 +11,24 @@ from typing import Any
 
 from sensorbook import units
 from sensorbook.notebook import duration_words
+from sensorbook.reporting.calibration_table import calibration_table
+from sensorbook.reporting.calibrations import AXES, CALIBRATED
 from sensorbook.reporting.chapters import CHAPTERS
 from sensorbook.reporting.render import page
-from sensorbook.reporting.results import AXES, calibration_estimates, overall, own_verdict
+from sensorbook.reporting.results import overall
+from sensorbook.reporting.words import (
+    NAMES,
+    SYMBOLS,
+    bounds,
+    check_words,
+    interval,
+    quantity_name,
+)
 
 _LINES = 6  # checks told in the banner
 THUMBNAIL_WIDTH = 560  # pixels; shown at half of it
 
-# As the field calls them; the random walk's name depends on what is integrated.
-NAMES = {
-    "quantization": "Quantization Q",
-    "random_walk": "Random walk N",
-    "noise_density": "Noise density √2·N",
-    "bias_instability": "Bias instability B",
-    "rate_random_walk": "Rate random walk K",
-    "rate_ramp": "Rate ramp R",
-    "rms_before": "Residual before the thermal model",
-    "rms_after": "Residual after the thermal model",
-    "rms_check": "Residual held out",
-}
-SENSOR_NAMES = {
-    ("gyroscope", "random_walk"): "Angle random walk N",
-    ("accelerometer", "random_walk"): "Velocity random walk N",
-    ("accelerometer", "rate_random_walk"): "Acceleration random walk K",
-}
 ALWAYS = ("random_walk", "noise_density", "bias_instability", "rate_random_walk")
-SYMBOLS = {"pass": "✓", "fail": "✗", "undecided": "?", None: ""}
 
 
 def device_page(found: dict[str, Any], folder: Path) -> str:
@@ -49,7 +41,7 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
             "name": sensor,
             "noise": _noise_rows(sensor, result, found["checks"]),
             "thermal": _thermal_rows(sensor, result.get("thermal", {})),
-            "calibration": _calibration(sensor, result, found["checks"]),
+            "calibration": calibration_table(sensor, result, found["checks"]),
         }
         for sensor, result in ordered
     ]
@@ -150,60 +142,20 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def check_words(check: dict[str, Any], found: dict[str, Any]) -> str:
-    """A check in words, in field units: what was measured, the limit, the verdict and what follows."""
-    sensor, quantity, axis = check["sensor"], check["quantity"], check["axis"]
-    unit, scale = quantity_unit(sensor, quantity)
-    name = quantity_name(sensor, quantity)
-    sign = "≤" if check["bound"] == "max" else "≥"
-    limit = f"limit {sign} {check['limit'] / scale:.4g} {unit}"
-    what = f"{sensor} {name[0].lower()}{name[1:]} {axis}"
-    low, high = check["low"], check["high"]
-    if check["value"] is not None and low is not None and high is not None:
-        value, below, above = interval(check["value"] / scale, low / scale, high / scale)
-        measured = value if low == high else f"{value} ({below} … {above})"
-    elif high is not None:
-        measured = f"no visible effect, below {high / scale:.2g}"
-    else:
-        measured = "no result"
-    words = f"{what}: {measured}, {limit}: {check['verdict']}"
-    if check.get("doubt"):
-        return f"{words}, as {check['doubt']} — give it in device.toml"
-    if check["verdict"] != "undecided":
-        return words
-    if high is None:
-        return f"{words} — {_why_none(sensor, found)}"
-    return f"{words}, as its 95 % interval straddles the limit — record longer, which narrows it"
-
-
-def _why_none(sensor: str, found: dict[str, Any]) -> str:
-    """Why there is no result of a sensor."""
-    for chapter in found["chapters"]:
-        unfinished = chapter["status"] in ("refused", "failed") and chapter["reason"]
-        if chapter["sensor"] == sensor and unfinished:
-            reason = chapter["reason"].splitlines()[0]
-            return f"{chapter['title'].lower()} {chapter['status']}: {reason}"
-    return "no recording gives it: add one, or take the limit out of [spec]"
-
-
 def _noise_rows(
     sensor: str, result: dict[str, Any], checks: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """A row a quantity: those always shown, those that are visible, and those with a limit."""
     noise = result.get("noise", {})
     mine = [check for check in checks if check["sensor"] == sensor]
-    limited = dict.fromkeys(
-        check["quantity"]
-        for check in mine
-        # Those of a calibration stand in its own table, where there is one.
-        if check["quantity"] not in CALIBRATED or not calibration_estimates(result)
-    )
+    # Those of a calibration stand in its own table.
+    limited = dict.fromkeys(c["quantity"] for c in mine if c["quantity"] not in CALIBRATED)
     axes = [noise.get(axis, {}) for axis in AXES] if "x" in noise else []
     shown = [q for q in NAMES if axes and (q in ALWAYS or any(axis.get(q) for axis in axes))]
     wanted = (*shown, *(quantity for quantity in limited if quantity not in shown))
     rows = []
     for quantity in wanted:
-        label, scale = quantity_unit(sensor, quantity)
+        label, scale = units.field_unit(sensor, quantity)
         cells = []
         for axis in AXES:
             verdicts = [c for c in mine if c["quantity"] == quantity and c["axis"] == axis]
@@ -213,17 +165,12 @@ def _noise_rows(
             cell["verdict"] = overall(verdicts)
             cell["symbol"] = SYMBOLS[cell["verdict"]]
             cells.append(cell)
-        limits = dict.fromkeys(
-            f"{'≤' if c['bound'] == 'max' else '≥'} {c['limit'] / scale:.4g}"
-            for c in mine
-            if c["quantity"] == quantity
-        )
         rows.append(
             {
                 "name": quantity_name(sensor, quantity),
                 "unit": label,
                 "cells": cells,
-                "limit": ", ".join(limits),
+                "limit": bounds((c for c in mine if c["quantity"] == quantity), scale),
             }
         )
     return rows + _gauss_markov_rows(sensor, axes)
@@ -266,22 +213,8 @@ def _cell(noise: dict, thermal: dict, quantity: str, scale: float) -> dict[str, 
     return {"value": "–", "interval": ""}
 
 
-def interval(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Three numbers with as many digits as the interval deserves: two of its half-width."""
-    width = abs(high - low) / 2
-    if not width or not value:
-        return f"{value:.4g}", f"{low:.4g}", f"{high:.4g}"
-    digits = 1 - math.floor(math.log10(width))
-    if -4 < digits < 7:
-        texts = (f"{round(number, digits):.{max(digits, 0)}f}" for number in (value, low, high))
-    else:
-        precise = max(2, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(width)))
-        texts = (f"{number:.{precise}g}" for number in (value, low, high))
-    return tuple(texts)
-
-
 def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
-    label, scale = quantity_unit(sensor, "rms_before")
+    label, scale = units.field_unit(sensor, "rms_before")
     rows = []
     for axis in AXES:
         if not isinstance(found := thermal.get(axis), dict):
@@ -306,63 +239,6 @@ def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-CALIBRATED = ("bias", "scale_factor_error", "misalignment")
-METHODS = {
-    "six_position": "six positions",
-    "recursive": "six positions, recursive",
-    "multi_position": "many positions",
-    "rest_to_rest": "turned from rest to rest",
-}
-
-
-def _calibration(
-    sensor: str, result: dict[str, Any], checks: list[dict[str, Any]]
-) -> dict[str, Any] | None:
-    """A calibration as a table, with a line on how it was found and what it leaves."""
-    estimates = calibration_estimates(result)
-    if not estimates:
-        return None
-    c = result["calibration"]
-    rows = []
-    for quantity in CALIBRATED:
-        label, scale = quantity_unit(sensor, quantity)
-        mine = [c for c in checks if (c["sensor"], c["quantity"]) == (sensor, quantity)]
-        limit = ", ".join(
-            dict.fromkeys(
-                f"{'≤' if c['bound'] == 'max' else '≥'} {c['limit'] / scale:.6g}" for c in mine
-            )
-        )
-        cells = []
-        for (name, axes), numbers in estimates.items():
-            if name == quantity:
-                value, low, high = interval(*(n / scale for n in numbers))
-                own = [
-                    c | {"verdict": own_verdict(numbers, c)} for c in mine if c["axis"] == axes[0]
-                ]
-                verdict = overall(own)
-                cells.append({"axis": axes, "value": value, "interval": f"{low} … {high}",
-                              "verdict": verdict, "symbol": SYMBOLS[verdict]})  # fmt: skip
-        for k in range(0, len(cells), 3):
-            part = cells[k : k + 3] + [None] * (3 - len(cells[k : k + 3]))
-            name = quantity_name(sensor, quantity)
-            rows.append({"name": name, "unit": label, "cells": part, "limit": limit})
-    method = METHODS.get(c["method"], c["method"])
-    count = f"{c['motions']} motions" if "motions" in c else f"{c.get('positions', 0)} rests"
-    return {"rows": rows, "about": f"{method}, {count}; {_left(sensor, c)}"}
-
-
-def _left(sensor: str, calibration: dict[str, Any]) -> str:
-    """The error before, after and held out, in words."""
-    scale, unit, what = 1e-3, "mm/s²", "length of gravity"
-    keys = ("rms_before", "rms_after", "rms_check")
-    if sensor == "gyroscope":
-        scale, unit, what = 1.0, "°", "direction after a turn"
-        keys = tuple(f"direction_error_{k}_deg" for k in ("before", "after", "check"))
-    found = [calibration.get(key) for key in keys]
-    before, after, held = ("–" if value is None else f"{value / scale:.3g}" for value in found)
-    return f"{what} errs by {before} {unit} rms as recorded, {after} fitted, {held} held out"
 
 
 def _input_row(recording: dict[str, Any]) -> dict[str, str]:
@@ -403,14 +279,3 @@ def _thumbnail(notebook: Path) -> dict[str, str] | None:
                 coded = base64.b64encode(buffer.getvalue()).decode()
                 return {"source": f"data:image/png;base64,{coded}", "alt": about.get("alt", "")}
     return None
-
-
-def quantity_name(sensor: str, quantity: str) -> str:
-    """As the field calls it, such as "Angle random walk N"."""
-    plain = quantity.replace("_", " ").capitalize()
-    return SENSOR_NAMES.get((sensor, quantity)) or NAMES.get(quantity, plain)
-
-
-def quantity_unit(sensor: str, quantity: str) -> tuple[str, float]:
-    """The field's unit and how much SI one is."""
-    return ("%", 1.0) if quantity.endswith("_percent") else units.field_unit(sensor, quantity)

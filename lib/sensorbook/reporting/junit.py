@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-from sensorbook.reporting.index import check_words
+from sensorbook.reporting.words import check_words
 
 # What XML 1.0 (2.2) does not allow, even as a reference.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -55,7 +55,7 @@ def _device(found: dict[str, Any], seconds) -> ElementTree.Element:
         took = seconds.get((name, sensor, slug), 0.0)
         cases.append(_case(f"{name}.{sensor}", slug, took, kind, chapter["reason"] or "", status))
     for check in found["checks"]:
-        label = f"{check['quantity']} {check['axis']} {check['bound']}"
+        label = " ".join(part for key in ("quantity", "axis", "bound") if (part := check[key]))
         verdict = check["verdict"]
         kind = "" if verdict == "pass" else "failure"
         words = check_words(check, found)

@@ -10,8 +10,16 @@ from typing import Any
 
 from sensorbook import units
 from sensorbook.reporting import chapters
+from sensorbook.reporting.calibrations import (
+    AXES,
+    CALIBRATED,
+    Estimate,
+    axes_of,
+    calibration_estimates,
+    judged,
+    size,
+)
 
-AXES = ("x", "y", "z")
 SCHEMA = Path(__file__).with_name("results.schema.json")
 
 
@@ -213,58 +221,28 @@ def merge(into: dict[str, Any], results: dict[str, Any]) -> None:
             into[key] = value
 
 
-def calibration_estimates(
-    result: dict[str, Any],
-) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Value and 95 % interval of a calibration's numbers by quantity and axis, SI.
-
-    `bias` and `scale_factor_error` have the axes x, y and z, `misalignment` the pairs that were free.
-    """
-    calibration = result.get("calibration") or {}
-    if calibration.get("matrix") is None or calibration.get("method") is None:
-        return {}
-    std, factor = calibration["std"], calibration.get("interval_factor", 1.96)
-    found = {}
-    for i, axis in enumerate(AXES):
-        value, half = calibration["bias"][i], factor * std["bias"][i]
-        found["bias", axis] = (value, value - half, value + half)
-    for i, row in enumerate(AXES):
-        for j, column in enumerate(AXES):
-            entry = calibration["matrix"][i][j]
-            value, half = entry - (i == j), factor * std["matrix"][i][j]
-            if i == j:
-                found["scale_factor_error", row] = (value, value - half, value + half)
-            elif std["matrix"][i][j]:
-                found["misalignment", row + column] = (value, value - half, value + half)
-    return found
-
-
-def _size(estimate: tuple[float, float, float]) -> tuple[float, float, float]:
-    """The absolute value and its interval, which a limit is about."""
-    value, low, high = estimate
-    nearest = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
-    return abs(value), nearest, max(abs(low), abs(high))
-
-
-def own_verdict(estimate: tuple[float, float, float], check: dict[str, Any]) -> str:
+def own_verdict(axes: str, estimate: Estimate, check: dict[str, Any]) -> str:
     """The verdict on one number of a calibration, where a check is of the worst of its axis."""
     if check.get("doubt"):
         return "undecided"
-    return _verdict(*_size(estimate)[1:], check["bound"], check["limit"])
+    _, low, high = size(check["quantity"], axes, estimate)
+    return _verdict(low, high, check["bound"], check["limit"])
 
 
 def checks(sensor: str, limits: dict[str, dict], result: dict[str, Any]) -> list[dict[str, Any]]:
-    """Every limit of [spec.<sensor>] beside the result it is for, an axis a row, in SI units."""
+    """Every limit of [spec.<sensor>] beside the result it is for, an axis a row, in SI units.
+
+    A quantity of the sensor as a whole has one row, of the axis "".
+    """
     rows = []
     for quantity, limit in limits.items():
-        percent = quantity.endswith("_percent")
-        si_unit = "percent" if percent else units.si_unit(sensor, quantity)
+        si_unit = units.si_unit(sensor, quantity)
         factor = units.factor(limit.get("unit", si_unit), si_unit)
         for bound in ("max", "min"):
             if bound not in limit:
                 continue
             si_limit = limit[bound] * factor
-            for axis in AXES:
+            for axis in axes_of(quantity):
                 value, low, high = _estimate(result, axis, quantity)
                 if quantity == "misalignment" and high is None and calibration_estimates(result):
                     continue  # of a triangular matrix the first axis has none
@@ -308,13 +286,7 @@ def _estimate(
         upper = entry.get("upper_bounds", {}).get(quantity)
         if upper is not None:
             return None, 0.0, upper
-    # Of several misalignments of an axis the largest.
-    mine = [
-        _size(estimate)
-        for (name, axes), estimate in calibration_estimates(result).items()
-        if name == quantity and axes[0] == axis
-    ]
-    return max(mine, default=(None, None, None))
+    return judged(result, axis, quantity) if quantity in CALIBRATED else (None, None, None)
 
 
 def _verdict(low: float | None, high: float | None, bound: str, limit: float) -> str:
