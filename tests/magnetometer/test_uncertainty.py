@@ -34,10 +34,7 @@ def test_one_row_a_block_is_the_textbook_jackknife():
     noise = rng.standard_normal(25)
     a, scores = linear_problem(rng, 25, noise)
     fits = np.array(
-        [
-            np.linalg.lstsq(np.delete(a, k, 0), np.delete(noise, k), rcond=None)[0]
-            for k in range(25)
-        ]
+        [np.linalg.lstsq(np.delete(a, k, 0), np.delete(noise, k), rcond=None)[0] for k in range(25)]
     )
     textbook = 24 / 25 * (fits - fits.mean(axis=0)).T @ (fits - fits.mean(axis=0))
     covariance, dof = jackknife(a, scores, 25)
