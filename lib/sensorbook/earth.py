@@ -15,6 +15,7 @@ LOWEST_GRAVITY, HIGHEST_GRAVITY = (
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NIMA TR8350.2, table 3.1)
 
 FIELD_STD = 0.14e-6  # T, WMM2025's error model for the strength; mostly the crust's own field
+LEAST_FIELD, LARGEST_FIELD = 22e-6, 67e-6  # T, on the Earth's surface (WMM2025 report, F)
 FIELD_YEARS = (1900, 2030)  # of IGRF-14
 
 # WGS 84 ellipsoid (NIMA TR8350.2, tables 3.1, 3.3 and 3.4).

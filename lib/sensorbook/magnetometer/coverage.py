@@ -151,31 +151,28 @@ def motion_in_words(seen: Coverage) -> tuple[str, str]:
     hole, away = axis_in_words(seen.hole), np.degrees(seen.hole_angle)
     if seen.percent > 90:
         return "", ""
-    over = f"so that its {hole} direction points along the field too, and round in every attitude."
+    over = f"over, until its {hole} direction points along the field too, and turn it round there."
     if seen.flatness < FLAT:
         half, normal = np.degrees(seen.flatness), axis_in_words(seen.normal)
         return (
-            f"the field stays within ±{half:.0f}° of one plane or cone across the device's {normal} "
-            "direction",
-            f"Turn it out of that plane: tip it by 90° and over, {over}",
+            f"the field stays within ±{half:.0f}° of one plane or cone across the device's {normal}",
+            f"Tip it by 90° and {over}",
         )
     if np.linalg.norm(seen.mean) > ONE_SIDED:
-        side = axis_in_words(seen.mean)
         return (
-            f"the field is seen from one side only, about the device's {side} direction, and never within "
-            f"{away:.0f}° of {hole}",
-            f"Turn it over, {over}",
+            "the field is seen from one side only, about the device's "
+            f"{axis_in_words(seen.mean)}, never within {away:.0f}° of {hole}",
+            f"Turn it {over}",
         )
     return (
-        f"the field is seen on {seen.percent:.0f} % of the sphere, and never within {away:.0f}° of the "
-        f"device's {hole} direction",
-        f"Turn it over, {over}",
+        f"the field is seen on {seen.percent:.0f} % of the sphere, never within {away:.0f}° of the device's "
+        f"{hole}",
+        f"Turn it {over}",
     )
 
 
 def axis_in_words(direction: np.ndarray) -> str:
     """A direction in device axes by its nearest axes: "+x", or "+x −z" between two of them."""
     unit = direction / max(np.linalg.norm(direction), 1e-12)
-    order = np.argsort(-np.abs(unit))
-    near = [k for k in order if abs(unit[k]) > 0.4] or [order[0]]
+    near = [k for k in range(3) if abs(unit[k]) > 0.4]  # of three equal ones each is 0.58
     return " ".join(("+" if unit[k] >= 0 else "−") + "xyz"[k] for k in near)

@@ -97,13 +97,16 @@ def algebraic(m: np.ndarray) -> np.ndarray | None:
     return packed(centre + size * h, turn @ np.diag(np.sqrt(squares) / size) @ turn.T)
 
 
-def sphere(m: np.ndarray) -> np.ndarray:
-    """(9,) least-squares sphere of (N, 3) readings; of a plane the one centred in it."""
+def sphere(m: np.ndarray, flat: float = 1e-6) -> np.ndarray:
+    """(9,) least-squares sphere of (N, 3) readings; of a plane the one centred in it.
+
+    As a plane count readings whose thinnest direction is below `flat` of their widest.
+    """
     centre = m.mean(axis=0)
     x = m - centre
     a = np.hstack([2 * x, np.ones((len(x), 1))])
-    # Beyond this condition the readings lie in a plane, and the shortest solution in it is taken.
-    solution = np.linalg.lstsq(a, (x**2).sum(axis=1), rcond=1e-6)[0]
+    # Of a plane the shortest solution is taken, in it.
+    solution = np.linalg.lstsq(a, (x**2).sum(axis=1), rcond=flat)[0]
     h, constant = solution[:3], solution[3]
     return packed(centre + h, np.eye(3) / np.sqrt(max(constant + h @ h, np.finfo(float).tiny)))
 

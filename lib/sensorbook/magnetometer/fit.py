@@ -38,6 +38,8 @@ from sensorbook.magnetometer.uncertainty import (
 )
 
 FEWEST = 30  # readings
+FLAT_READINGS = 0.1  # thinnest over widest direction: below, readings count as those of a flat turn
+MOST_ROUGHLY = 6.0  # dilution about a plain sphere; an ellipsoid of 1 : 3, seen all over, has 4.5
 NOT_ONE_FIELD = 0.15  # of the field: residuals beyond are no ellipsoid of any sensor
 MODELS = ("ellipsoid", "diagonal", "hard_iron")
 NAMES = {
@@ -100,7 +102,7 @@ def calibrate(
     x = (np.asarray(values, dtype=float)[finite] - centre) / size
     best = trials[-1]
     if best.reason:
-        raise Refusal(*_refused(trials))
+        raise Refusal(*_refused(trials, x[kept]))
     r = residuals(x, best.parameters)[0]
     check = held_out(x, best.parameters, BASES[best.model], kept)
     used = np.zeros(len(values), dtype=bool)
@@ -145,7 +147,17 @@ def directions(values: np.ndarray) -> np.ndarray:
     """
     finite, centre, size, _, trials = _attempted(values)
     x = (np.asarray(values, dtype=float)[finite] - centre) / size
+    if trials[-1].reason:
+        return _roughly(x)
     return residuals(x, trials[-1].parameters)[1]
+
+
+def _roughly(x: np.ndarray) -> np.ndarray:
+    """(N, 3) directions about a plain sphere, for words and pictures where no model is determined.
+
+    The models' own fits are then of any size.
+    """
+    return residuals(x, sphere(x, FLAT_READINGS))[1]
 
 
 def _attempted(values: np.ndarray):
@@ -159,7 +171,8 @@ def _attempted(values: np.ndarray):
             "Turn the device slowly through all attitudes for a minute.",
         )
     centre = np.median(m, axis=0)
-    size = float(np.linalg.norm(m - centre, axis=1).mean())
+    distance = np.linalg.norm(m - centre, axis=1)
+    size = float(np.median(distance)) or float(distance.mean())  # of a sensor that sticks it is 0
     x = (m - centre) / size
     full, kept = robust_ellipsoid(x)
     trials = []
@@ -177,11 +190,14 @@ def _residual_before(m: np.ndarray) -> float:
 
 def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
     basis = BASES[model]
-    # A poor motion leaves the full ellipsoid huge, so that its own directions tell how few they are.
     parameters = full if model == "ellipsoid" else refine(x, sphere(x), basis)
     parameters = without_noise_bias(x, parameters, basis)
     r, u = residuals(x, parameters)
     seen, spread_out = coverage(u), dilution(u, model)
+    if model == "ellipsoid":
+        # Of a flat turn noise makes a flat ellipsoid, on which the directions seem to be everywhere.
+        roughly = dilution(_roughly(x), model)
+        spread_out = max(spread_out, roughly) if roughly > MOST_ROUGHLY else spread_out
     time = correlation_time(r)
     blocks = number_of_blocks(len(x), time)
     jacobian = design(u, x, parameters)
@@ -211,10 +227,10 @@ def _in_place(covariance: np.ndarray, parameters: np.ndarray) -> np.ndarray:
 def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iron: float) -> str:
     name = NAMES[model]
     if spread_out > MOST_DILUTION:
-        many = f"{spread_out:.0f}" if spread_out < 1000 else "over a thousand"
+        many = f"{spread_out:.2g}" if spread_out < 100 else "over a hundred"
         return (
-            f"The directions are too few for {name}: in the worst one a corrected reading errs {many} times "
-            f"as much as after a turn through all attitudes ({MOST_DILUTION:g} at most)"
+            f"The directions are too few for {name} (error in the worst one {many} times that after a full "
+            f"turn, {MOST_DILUTION:g} at most)"
         )
     residual = float(np.sqrt(np.mean(r**2)))
     if residual > NOT_ONE_FIELD:
@@ -236,7 +252,7 @@ def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iro
     return ""
 
 
-def _refused(trials: list[Trial]) -> tuple[str, str]:
+def _refused(trials: list[Trial], x: np.ndarray) -> tuple[str, str]:
     """Reason and remedy where no model is determined."""
     for trial in trials:
         if trial.reason.startswith("The readings lie on no"):
@@ -245,6 +261,6 @@ def _refused(trials: list[Trial]) -> tuple[str, str]:
                 "Turn it in one place, a metre from iron, cables and loudspeakers, with nothing magnetic "
                 "beside it that is not always part of the device.",
             )
-    what, remedy = motion_in_words(trials[-1].coverage)
+    what, remedy = motion_in_words(coverage(_roughly(x)))
     reason = trials[-1].reason + (f": {what}." if what else ".")
     return reason, remedy or "Turn it more slowly and longer, through all attitudes."
