@@ -49,11 +49,14 @@ def calibration_table(
         if not cells:
             continue
         unit, scale = units.field_unit(sensor, quantity)
+        limit = bounds(own, scale, 6)
+        if limit and quantity == "soft_iron":
+            limit += " off identity"
         for k in range(0, len(cells), 3):
             part = cells[k : k + 3]
             part += [None] * (3 - len(part) if part[0]["axis"] else 0)
             rows.append({"name": quantity_name(sensor, quantity), "unit": unit, "cells": part,
-                         "limit": bounds(own, scale, 6)})  # fmt: skip
+                         "limit": limit})  # fmt: skip
     return {"rows": rows, "caption": _caption(sensor, calibration)}
 
 

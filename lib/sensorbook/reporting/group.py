@@ -29,7 +29,7 @@ from sensorbook.reporting.calibrations import (
 )
 from sensorbook.reporting.render import TEMPLATES, page
 from sensorbook.reporting.results import overall
-from sensorbook.reporting.words import SYMBOLS, quantity_name
+from sensorbook.reporting.words import SYMBOLS, judged_name
 
 LARGEST = 64 << 20  # bytes of a results.json that is read
 USUAL = (
@@ -111,7 +111,7 @@ def group_page(root: Path) -> str:
         models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
                 for model, members in models],
         several=len(models) > 1 or bool(models and models[0][0]),
-        columns=[(*c, quantity_name(*c), units.field_unit(*c)[0]) for c in columns],
+        columns=[(*c, judged_name(*c), units.field_unit(*c)[0]) for c in columns],
         count=len(rows),
         script=Markup(script),
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
@@ -219,7 +219,7 @@ def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
     """Why a device needs attention, in words."""
     for (sensor, quantity), value in row.values.items():
         if value.verdict in ("fail", "undecided"):
-            name, unit = quantity_name(sensor, quantity), units.field_unit(sensor, quantity)[0]
+            name, unit = judged_name(sensor, quantity), units.field_unit(sensor, quantity)[0]
             where = f" {value.axis or 'of all axes'}" if all(axes_of(quantity)) else ""
             word = "" if value.verdict == "fail" else "undecided: "
             number = "no result" if math.isnan(value.number) else digits(value.number)
@@ -290,7 +290,7 @@ def _spread(members: Sequence[Row], column: Column) -> Spread | None:
     logs = np.log([v.number for _, v in known])
     middle = float(np.median(logs))
     robust = 1.4826 * float(np.median(np.abs(logs - middle)))
-    name, unit = quantity_name(*column), units.field_unit(*column)[0]
+    name, unit = judged_name(*column), units.field_unit(*column)[0]
     far = []
     for (row, value), log in zip(known, logs, strict=True):
         scale = math.hypot(robust, value.error)

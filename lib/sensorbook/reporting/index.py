@@ -22,7 +22,9 @@ from sensorbook.reporting.words import (
     bounds,
     check_words,
     interval,
+    judged_name,
     quantity_name,
+    why_none,
 )
 
 _LINES = 6  # checks told in the banner
@@ -68,10 +70,7 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
         ],
         sensors=sensors,
         unjudged=sorted(
-            {
-                (check["sensor"], quantity_name(check["sensor"], check["quantity"]))
-                for check in other
-            }
+            {(check["sensor"], judged_name(check["sensor"], check["quantity"])) for check in other}
         ),
         inputs=[_input_row(recording) for recording in found["inputs"]],
     )
@@ -114,8 +113,8 @@ def _banner(found: dict[str, Any]) -> dict[str, Any]:
         _capital(check_words(check, found))
         for kind in ("fail", "undecided")
         for check in checks
-        if check["verdict"] == kind
-    ]
+        if check["verdict"] == kind and (check["high"] is not None or check.get("doubt"))
+    ] + _without_result(found)
     more = len(lines) - _LINES
     lines = lines[:_LINES] + ([f"And {more} more, in the tables below."] if more > 0 else [])
     if verdict == "pass":
@@ -128,6 +127,20 @@ def _banner(found: dict[str, Any]) -> dict[str, Any]:
         " cannot be decided.",
     }[verdict]
     return {"kind": verdict or "", "words": words, "lines": lines}
+
+
+def _without_result(found: dict[str, Any]) -> list[str]:
+    """A line for all limits of a sensor that have no result for the same reason."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for check in found["checks"]:
+        if check["high"] is None and not check.get("doubt"):
+            name = judged_name(check["sensor"], check["quantity"])
+            reason = why_none(check, found)
+            names.setdefault((check["sensor"], reason), []).append(f"{name[0].lower()}{name[1:]}")
+    return [
+        f"{_capital(sensor)} {', '.join(dict.fromkeys(listed))}: no result: undecided — {reason}"
+        for (sensor, reason), listed in names.items()
+    ]
 
 
 def _nearness(check: dict[str, Any]) -> float:

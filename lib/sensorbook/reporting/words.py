@@ -41,6 +41,11 @@ def quantity_name(sensor: str, quantity: str) -> str:
     return SENSOR_NAMES.get((sensor, quantity)) or NAMES.get(quantity, plain)
 
 
+def judged_name(sensor: str, quantity: str) -> str:
+    """The name of what a limit is about, in which soft iron counts by how far it is from none."""
+    return "Soft iron off identity" if quantity == "soft_iron" else quantity_name(sensor, quantity)
+
+
 def interval(value: float, low: float, high: float) -> tuple[str, str, str]:
     """Three numbers with as many digits as the interval deserves: two of its half-width."""
     width = abs(high - low) / 2
@@ -67,7 +72,7 @@ def check_words(check: dict[str, Any], found: dict[str, Any]) -> str:
     """A check in words, in field units: what was measured, the limit, the verdict and what follows."""
     sensor, quantity, axis = check["sensor"], check["quantity"], check["axis"]
     unit, scale = units.field_unit(sensor, quantity)
-    name = quantity_name(sensor, quantity)
+    name = judged_name(sensor, quantity)
     limit = f"limit {bounds([check], scale)} {unit}".removesuffix(" 1")
     what = f"{sensor} {name[0].lower()}{name[1:]} {axis}".rstrip()
     low, high = check["low"], check["high"]
@@ -84,11 +89,11 @@ def check_words(check: dict[str, Any], found: dict[str, Any]) -> str:
     if check["verdict"] != "undecided":
         return words
     if high is None:
-        return f"{words} — {_why_none(check, found)}"
+        return f"{words} — {why_none(check, found)}"
     return f"{words}, as its 95 % interval straddles the limit — record longer, which narrows it"
 
 
-def _why_none(check: dict[str, Any], found: dict[str, Any]) -> str:
+def why_none(check: dict[str, Any], found: dict[str, Any]) -> str:
     """Why there is no result to judge."""
     calibrated = check["quantity"] in CALIBRATED
     calibrating = [c.slug for c in CHAPTERS if c.result == "calibration"]
