@@ -28,6 +28,17 @@ def moved(moved_folder) -> Report:
 
 
 @pytest.fixture(scope="session")
+def turned_folder(demo_folder) -> Path:
+    """The hand-turned compass."""
+    return simulate(demo_folder.with_name("rotation-demo"), "rotation")
+
+
+@pytest.fixture(scope="session")
+def turned(turned_folder) -> Report:
+    return render(turned_folder, turned_folder.parents[1] / "reports")
+
+
+@pytest.fixture(scope="session")
 def phone_folder(demo_folder) -> Path:
     """Work B's phone."""
     return simulate(demo_folder.with_name("phone-demo"), "phone")
