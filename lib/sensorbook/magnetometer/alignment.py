@@ -80,8 +80,10 @@ class Alignment:
         }
 
 
-def paired(magnetometer, accelerometer) -> tuple[np.ndarray, np.ndarray]:
+def paired(magnetometer, accelerometer, used=True) -> tuple[np.ndarray, np.ndarray]:
     """Rows of two recordings that belong together: (N, 3) T and (N, 3) m/s².
+
+    `used` (N,) leaves rows of the magnetometer out.
 
     The accelerometer is interpolated at the magnetometer's stamps. Without stamps the two must be
     rows of one file.
@@ -97,7 +99,7 @@ def paired(magnetometer, accelerometer) -> tuple[np.ndarray, np.ndarray]:
                 "Nothing says which readings of the two sensors belong together: they have no time.",
                 "Record both in one file, or with time stamps.",
             )
-        force, field = accelerometer.values, magnetometer.values
+        force, field, used = accelerometer.values, magnetometer.values, np.asarray(used)
     else:
         # Stamps count from each file's first sample; `start` brings them to one clock.
         at = magnetometer.time + magnetometer.start
@@ -106,9 +108,9 @@ def paired(magnetometer, accelerometer) -> tuple[np.ndarray, np.ndarray]:
         order = np.argsort(own[good], kind="stable")
         stamps, known = own[good][order], accelerometer.values[good][order]
         inside = (at >= stamps[0]) & (at <= stamps[-1]) if len(stamps) else np.zeros(len(at), bool)
-        field = magnetometer.values[inside]
+        field, used = magnetometer.values[inside], np.broadcast_to(used, len(at))[inside]
         force = np.stack([np.interp(at[inside], stamps, column) for column in known.T], axis=1)
-    rows = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
+    rows = used & np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
     if rows.sum() < FEWEST:
         raise Refusal(
             f"Only {rows.sum()} readings of the two sensors were taken at the same time.",
