@@ -117,19 +117,58 @@ def test_motion_too_fast_for_its_rate():
     assert "sampled at 10 Hz" in told(recording(100, 10.0, kind="positions"))["rate"][0]
 
 
-def test_attitudes_that_a_rotation_never_reached():
-    every = Rotation.random(3000, random_state=np.random.RandomState(19)).apply([0, 0, 4e-5])
-    assert told(recording(30, sensor="magnetometer", kind="rotation", values=every)) == {}
-    half = every[every[:, 2] > 0]
-    found = told(recording(len(half) / 100, sensor="magnetometer", kind="rotation",
-                           values=half + np.array([0, 0, 1e-4])))  # fmt: skip
-    # Seen from the middle of a cap, four octants hold nothing but its rim.
-    assert found.keys() <= {"coverage"}
+def turned(directions, hard_iron=(2e-5, -1e-5, 3e-5), **more):
+    """A rotation of a magnetometer whose field, 48 µT, points along these; 0.2 µT of noise."""
+    rng = np.random.default_rng(20)
+    values = 4.8e-5 * directions + hard_iron + rng.normal(scale=2e-7, size=directions.shape)
+    run = recording(len(values) / 100, sensor="magnetometer", kind="rotation", values=values)
+    return replace(run, **more)
+
+
+def sphere(count=3000):
+    v = np.random.default_rng(19).normal(size=(count, 3))
+    return v / np.linalg.norm(v, axis=1)[:, None]
+
+
+def test_directions_that_determine_a_magnetometer_and_such_that_do_not():
+    every = sphere()
+    assert told(turned(every)) == {}
+    assert told(turned(every[:60])) == {}  # short, but all round
     flat = every * [1, 1, 0.05]
-    octants = flat[(flat[:, 0] > 0) | (flat[:, 1] > 0)]
-    message, _ = told(recording(len(octants) / 100, sensor="magnetometer", kind="rotation",
-                                values=octants))["coverage"]  # fmt: skip
-    assert message.startswith("reaches 6 of the 8 octants of its attitudes")
+    flat /= np.linalg.norm(flat, axis=1)[:, None]
+    message, remedy = told(turned(flat))["coverage"]
+    assert re.match(r"The directions are too few for hard iron alone .* one plane or cone", message)
+    assert re.match(r"Tip it by 90° and over, until its [+−]z direction", remedy)
+    message, remedy = told(turned(every[every[:, 2] > 0.7]))["coverage"]
+    assert "across the device's +z" in message
+    assert remedy.startswith("Tip it by 90° and over")
+    assert told(turned(flat, declaration={"check": True})) == {}  # judges, and determines nothing
+
+
+def test_directions_that_determine_less_than_an_ellipsoid():
+    every = sphere()
+    belt = every[np.abs(every[:, 2]) < np.sin(np.radians(20))]
+    message, remedy = told(turned(belt))["coverage"]
+    assert re.match(
+        r"determines hard iron (alone|and three scale factors), no more: the field stays", message
+    )
+    assert "until its" in remedy
+
+
+def test_readings_too_few_or_on_no_ellipsoid():
+    message, remedy = told(turned(sphere(20)))["coverage"]
+    assert message == "20 different readings are too few; 30 are needed"
+    assert remedy == "Turn the device slowly through all attitudes for a minute"
+    # A field that changes by a quarter from place to place.
+    uneven = sphere() * np.random.default_rng(21).normal(1, 0.25, (3000, 1))
+    message, remedy = told(turned(uneven))["coverage"]
+    assert message.startswith("The readings lie on no ellipsoid")
+    assert "a metre from iron" in remedy
+
+
+def test_an_accelerometer_beside_needs_no_coverage():
+    run = turned(sphere()[:500] * [1, 1, 0.01])
+    assert advise(replace(run, sensor="accelerometer", values=run.values * 2e5), False) == ()
 
 
 def test_the_demo_is_well_recorded(tmp_path, capsys):

@@ -21,6 +21,7 @@ COARSE_TURN = np.radians(2.0)  # rms from sample to sample; coning errors grow w
 DRIFT = 1.0  # °C in a rest: at a usual 0.01 deg/s/°C more than a good MEMS' bias instability
 SWEEP = 5.0  # °C: less does not determine a thermal model
 SWIFT = 1.0  # °C/min: the die lags the housing, and heating and cooling part
+MOST = 20_000  # readings of a rotation that are looked at
 MOVED = np.radians(1.0)  # rad/s, far beyond any bias that wanders at rest
 
 
@@ -49,6 +50,10 @@ def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding,
         say("short", f"holds {len(values)} samples, and its noise needs {FEWEST}",
             "rest it for an hour or more")  # fmt: skip
         return tuple(found)
+    if recording.kind == "rotation" and recording.sensor == "magnetometer":
+        if not recording.declaration.get("check"):
+            _directions(values, say)
+        return tuple(found)
     if len(values) < 200:
         return ()
     if recording.kind in ("static", "thermal"):
@@ -59,8 +64,6 @@ def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding,
         _rest(recording, values, calibrates_temperature, say)
     elif recording.kind == "thermal":
         _sweep(recording, say)
-    elif recording.kind == "rotation":
-        _coverage(values, say)
     elif recording.kind == "positions" and recording.rate < SLOW_POSITIONS:
         say("rate", f"sampled at {recording.rate:.3g} Hz, its motions between rests are hardly seen",
             f"record positions at {SLOW_POSITIONS:g} Hz or more")  # fmt: skip
@@ -186,17 +189,23 @@ def _sweep(recording: Recording, say: Say) -> None:
                            "housing", f"sweep at {SWIFT:g} °C/min or less, up and down")  # fmt: skip
 
 
-def _coverage(values: np.ndarray, say: Say) -> None:
-    centre = (values.max(axis=0) + values.min(axis=0)) / 2
-    octant = ((values > centre) @ [1, 2, 4]).astype(int)
-    share = np.bincount(octant, minlength=8) / len(values)
-    reached = int(np.count_nonzero(share > 0.01))
-    if reached < 8:
-        say(
-            "coverage",
-            f"reaches {reached} of the 8 octants of its attitudes: what it never saw is not calibrated",
-            "turn it through all attitudes: each axis up and down, and round",
-        )
+def _directions(values: np.ndarray, say: Say) -> None:
+    """Directions of the field that determine no calibration, or less than a full one."""
+    from sensorbook.errors import Refusal
+    from sensorbook.magnetometer import calibrate
+    from sensorbook.magnetometer.coverage import motion_in_words
+    from sensorbook.magnetometer.fit import NAMES
+
+    try:
+        # Thinned: a hand turns no faster, and a million readings would take half a minute.
+        found = calibrate(values[:: max(1, len(values) // MOST)])
+    except Refusal as refusal:
+        say("coverage", refusal.reason.rstrip("."), refusal.remedy.rstrip("."))
+        return
+    if found.reduced:
+        what, remedy = motion_in_words(found.coverage)
+        say("coverage", f"determines {NAMES[found.method]}, no more: {what or found.reduced[0]}",
+            remedy.rstrip(".") or "turn it more slowly and longer, through all attitudes")  # fmt: skip
 
 
 def _span(temperature: np.ndarray | None) -> float:
