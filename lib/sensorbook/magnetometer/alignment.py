@@ -107,7 +107,9 @@ def paired(magnetometer, accelerometer, used=True) -> tuple[np.ndarray, np.ndarr
         good = np.isfinite(accelerometer.values).all(axis=1) & np.isfinite(own)
         order = np.argsort(own[good], kind="stable")
         stamps, known = own[good][order], accelerometer.values[good][order]
-        inside = (at >= stamps[0]) & (at <= stamps[-1]) if len(stamps) else np.zeros(len(at), bool)
+        if not len(stamps):
+            stamps, known = np.array([np.inf]), np.full((1, 3), np.nan)  # at no time
+        inside = (at >= stamps[0]) & (at <= stamps[-1])
         field, used = magnetometer.values[inside], np.broadcast_to(used, len(at))[inside]
         force = np.stack([np.interp(at[inside], stamps, column) for column in known.T], axis=1)
     rows = used & np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
