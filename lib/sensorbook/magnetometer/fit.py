@@ -229,8 +229,8 @@ def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iro
     if spread_out > MOST_DILUTION:
         many = f"{spread_out:.2g}" if spread_out < 100 else "over a hundred"
         return (
-            f"The directions are too few for {name} (error in the worst one {many} times that after a full "
-            f"turn, {MOST_DILUTION:g} at most)"
+            f"The directions are too few for {name} (worst error {many} times that after a full turn, "
+            f"{MOST_DILUTION:g} at most)"
         )
     residual = float(np.sqrt(np.mean(r**2)))
     if residual > NOT_ONE_FIELD:
