@@ -34,7 +34,7 @@ def moved(name, stretch, seed):
 @pytest.mark.parametrize("stretch", [False, True], ids=["anywhere", "in one stretch"])
 @pytest.mark.parametrize("name", [n for n in WRONG if n != "6 µT to one side"])
 def test_a_tenth_of_wrong_readings_does_not_move_the_hard_iron(name, stretch):
-    for seed in range(8):
+    for seed in range(4):
         size, fit, k = moved(name, stretch, seed)
         assert size < 2
         if name in ("all at one place", "full scale"):
@@ -47,9 +47,9 @@ def test_an_offset_that_partly_looks_like_noise_moves_it_little(stretch):
 
     The goal of 2 standard errors is met in all but 4 of 100 devices, where it is 2.0 to 2.5.
     """
-    sizes = [moved("6 µT to one side", stretch, seed)[0] for seed in range(12)]
+    sizes = [moved("6 µT to one side", stretch, seed)[0] for seed in range(8)]
     assert np.mean(sizes) < 1.5
-    assert np.sum(np.array(sizes) > 2) <= 2
+    assert np.sum(np.array(sizes) > 2) <= 1
     assert max(sizes) < 3
 
 
