@@ -11,6 +11,8 @@ import pytest
 from sensorbook.cli import main
 from sensorbook.compare import Measured, compare, standard_errors, table
 from sensorbook.export.source import read_results
+from sensorbook.magnetometer import calibrate
+from sensorbook.simulate import rotation
 
 ENTRY = {"value": 6e-5, "low": 5.8e-5, "high": 6.2e-5, "unit": "rad/s/sqrt(Hz)"}
 
@@ -146,3 +148,111 @@ def test_what_is_missing_now_is_said(tmp_path):
     lines = list(table(comparison))
     assert sum(line.endswith("no result now") for line in lines) == 3
     assert lines[-1].endswith("3 of the reference have no counterpart now.")
+
+
+# ---- a magnetometer ----
+
+
+def compass(path, calibration, device="compass"):
+    found = {
+        "schema": 1,
+        "device": {"id": device, "name": device},
+        "software": {"sensorbook": "0.1.0"},
+        "created": "2026-01-01T00:00:00+00:00",
+        "inputs": [],
+        "sensors": {"magnetometer": {"calibration": calibration}},
+    }
+    path.write_text(json.dumps(found, default=lambda numbers: numbers.tolist()))
+    return read_results(path)
+
+
+IRON = {
+    "method": "ellipsoid", "hard_iron": [8e-6, -30e-6, 1e-6], "soft_iron": np.eye(3).tolist(),
+    "field": 48e-6, "field_known": True, "interval_factor": 1.96,
+    "std": {"hard_iron": [1e-8] * 3, "soft_iron": [[1e-3] * 3] * 3, "field": 1e-7},
+}  # fmt: skip
+
+
+def test_a_magnetometers_numbers(tmp_path):
+    bent = np.eye(3) + 4e-3 * np.array([[0, 1, 0], [1, 0, 0], [0, 0, -2]])
+    later = IRON | {
+        "hard_iron": [8e-6, -30.1e-6, 1e-6],
+        "soft_iron": bent.tolist(),
+        "field": 47.9e-6,
+    }
+    a, b = (compass(tmp_path / f"{n}.json", c, n) for n, c in (("a", IRON), ("b", later)))
+    (comparison,) = compare([a, b])
+    z = {(c.quantity, c.axis): c.z for c in comparison.changes}
+    assert len(z) == 10
+    assert z["hard_iron", "y"] == pytest.approx(-0.1e-6 / (1e-8 * 2**0.5), rel=1e-4)
+    assert z["soft_iron", "xy"] == pytest.approx(4 / 2**0.5, rel=1e-4)
+    assert z["soft_iron", "zz"] == pytest.approx(-8 / 2**0.5, rel=1e-4)
+    assert z["field", ""] == pytest.approx(-1 / 2**0.5, rel=1e-4)
+    lines = list(table(comparison))
+    assert any(
+        "magnetometer hard iron" in line and "▼ fell" in line and "µT" in line for line in lines
+    )
+    assert lines[-1].startswith("  3 of 10 numbers have changed by more than 2.8 standard errors")
+
+
+def test_soft_irons_of_different_scale_are_not_compared(tmp_path):
+    relative = IRON | {"field_known": False, "field": 46e-6}
+    a, b = (compass(tmp_path / f"{n}.json", c, n) for n, c in (("a", IRON), ("b", relative)))
+    (comparison,) = compare([a, b])
+    assert {c.quantity for c in comparison.changes} == {"hard_iron"}
+    assert comparison.cautions == (
+        "the magnetometer's soft iron is scaled to the Earth's field in one of the two only: it is not "
+        "compared",
+    )
+
+
+def test_a_refused_calibration_has_no_numbers(tmp_path):
+    refused = {"method": None, "reason": "too few directions"}
+    a, b = (compass(tmp_path / f"{n}.json", c, n) for n, c in (("a", IRON), ("b", refused)))
+    (comparison,) = compare([a, b])
+    assert comparison.cautions == ()
+    assert list(table(comparison))[-1].startswith("  Nothing to compare")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"hard_iron": [1, 2]},
+        {"hard_iron": "x"},
+        {"soft_iron": [[1, 2, 3]]},
+        {"field": None},
+        {"std": {"hard_iron": [1e-8] * 3}},
+        {"interval_factor": "1.96"},
+    ],
+)
+def test_a_damaged_calibration_is_one_line(tmp_path, damage, capsys):
+    compass(tmp_path / "a.json", IRON)
+    compass(tmp_path / "b.json", IRON | damage)
+    assert main(["compare", str(tmp_path / "a.json"), str(tmp_path / "b.json")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "b.json: sensors.magnetometer.calibration: is not as results.json has it" in line
+
+
+def test_repeats_of_one_magnetometer_do_not_differ_and_a_shift_does(tmp_path):
+    """25 devices, each turned twice, 60 s at 25 Hz; the seed was fixed beforehand."""
+    rng = np.random.default_rng(20261)
+    field, marked, shifted = np.array([0, 24e-6, -41e-6]), 0, 0
+    for _ in range(25):
+        iron = rotation.draw_iron(rng, 47.5e-6)
+        runs = []
+        for _ in range(2):
+            true = rotation.turned(rng, 1500, 25.0, field, 9.8)["field"]
+            read = rotation.read_field(true, iron)
+            runs.append(rotation.noisy(rng, read, 25.0, rotation.NOISE["magnetometer"]))
+        first, again = (calibrate(run).to_results() for run in runs)
+        moved = calibrate(runs[1] + [0.5e-6, 0, 0]).to_results()
+        a, b, c = (compass(tmp_path / f"{n}.json", f, n)
+                   for n, f in (("a", first), ("b", again), ("c", moved)))  # fmt: skip
+        (same,), (other,) = compare([a, b]), compare([a, c])
+        marked += any(abs(change.z) > same.threshold for change in same.changes)
+        x = next(k for k in other.changes if (k.quantity, k.axis) == ("hard_iron", "x"))
+        shifted += x.z > other.threshold
+    # 1.25 expected; more than 4 has a probability of 1 % (Poisson).
+    assert marked <= 4
+    # Half a microtesla is five of a hard iron's standard errors and more.
+    assert shifted >= 23

@@ -174,6 +174,10 @@ def test_field_units_as_the_field_writes_them():
     assert field_unit("accelerometer", "rate_random_walk")[0] == "m/s/h³ᐟ²"
     assert si_unit("gyroscope", "quantization") == "rad"
     assert si_unit("magnetometer", "rate_ramp") == "T/s"
+    assert field_unit("magnetometer", "hard_iron") == ("µT", 1e-6)
+    assert field_unit("magnetometer", "soft_iron") == ("1", 1.0)
+    assert field_unit("magnetometer", "coverage_percent") == ("%", 1.0)
+    assert field_unit("magnetometer", "heading_error_after_deg") == ("°", 1.0)
 
 
 def test_an_unknown_sensor_or_quantity_lists_the_known_ones():

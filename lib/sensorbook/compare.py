@@ -88,6 +88,8 @@ def standard_errors(reference: Measured, other: Measured) -> float | None:
     Intervals of noise terms are skew: each number counts with the side that faces the other one. A
     term without visible effect lies between zero and its bound, which counts as two standard errors.
     """
+    if Measured(None, None, None) in (reference, other):
+        return None
     a, b = (m.value if m.value is not None else 0.0 for m in (reference, other))
     if a == b:
         return 0.0
