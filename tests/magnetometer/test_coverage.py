@@ -226,7 +226,7 @@ def test_words_of_a_plane():
     assert what.startswith("the field stays within ±4° of one plane or cone across the device's ")
     assert what.endswith(("+z", "−z"))
     assert remedy.startswith("Tip it by 90° and over, until its ")
-    assert "z direction points along the field too" in remedy
+    assert "z points along the field, too" in remedy
 
 
 def test_words_of_one_side():
@@ -234,14 +234,14 @@ def test_words_of_one_side():
     assert what.startswith("the field is seen from one side only, about the device's +z, ")
     # 120°, to the grid of directions.
     assert what.endswith(("never within 117° of −z", "never within 118° of −z"))
-    assert remedy.startswith("Turn it over, until its −z direction points along the field too")
+    assert remedy.startswith("Turn it over, until its −z points along the field, too")
 
 
 def test_words_of_a_hole():
     what, remedy = motion_in_words(coverage(in_cap(125)))
     assert what.startswith("the field is seen on 88 % of the sphere, never within 5")
     assert what.endswith(" of the device's −z")
-    assert remedy.startswith("Turn it over, until its −z direction points along the field too")
+    assert remedy.startswith("Turn it over, until its −z points along the field, too")
 
 
 def test_entries_agree_with_the_design():

@@ -119,7 +119,7 @@ def test_flat_turn_is_refused_with_how_to_move(tmp_path):
     assert report.code == 0
     status, reason = report.status("magnetometer", "magnetometer")
     assert status == "refused"
-    assert "The directions are too few for hard iron alone" in reason
+    assert "The directions are too few for the full ellipsoid" in reason
     assert "of one plane or cone across the device's" in reason
     assert "Tip it by 90° and over" in reason
     found = report.results["sensors"]["magnetometer"]["calibration"]

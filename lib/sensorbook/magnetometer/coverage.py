@@ -151,7 +151,7 @@ def motion_in_words(seen: Coverage) -> tuple[str, str]:
     hole, away = axis_in_words(seen.hole), np.degrees(seen.hole_angle)
     if seen.percent > 90:
         return "", ""
-    over = f"over, until its {hole} points along the field, too, and turn it there."
+    over = f"over, until its {hole} points along the field, too."
     if seen.flatness < FLAT:
         half, normal = np.degrees(seen.flatness), axis_in_words(seen.normal)
         return (

@@ -262,5 +262,5 @@ def _refused(trials: list[Trial], x: np.ndarray) -> tuple[str, str]:
                 "beside it that is not always part of the device.",
             )
     what, remedy = motion_in_words(coverage(_roughly(x)))
-    reason = trials[-1].reason + (f": {what}." if what else ".")
+    reason = f"{trials[0].reason}; less is not determined either" + (f": {what}." if what else ".")
     return reason, remedy or "Turn it more slowly and longer, through all attitudes."
