@@ -100,6 +100,22 @@ def test_an_interval_across_a_limit_is_undecided():
     assert (y["value"], y["low"], y["high"]) == pytest.approx((30e-6, 29.96e-6, 30.04e-6))
 
 
+def test_an_entry_that_is_hardly_known_keeps_its_axis_undecided():
+    """As of a reduced model: the largest entry is within the limit, and another may not be."""
+    std = CALIBRATION["std"] | {"soft_iron": [[1e-3, 0.05, 2e-4], [0.05, 1e-3, 2e-4], [2e-4] * 3]}
+    spec = {"soft_iron": {"max": 0.08, "unit": "1"}}
+    found = assembled(CALIBRATION, spec, std=std)
+    assert [c["verdict"] for c in found["checks"]] == ["undecided", "undecided", "pass"]
+    x = found["checks"][0]  # xx is 0.020 ± 0.002, xy −0.012 ± 0.1
+    assert (x["value"], x["low"], x["high"]) == pytest.approx((0.02, 0.018, 0.112))
+    assert next(gate(found)) == (
+        "imu: magnetometer soft iron off identity x: 0.020 (0.018 … 0.112), limit ≤ 0.08: undecided, as "
+        "its 95 % interval straddles the limit — record it in more attitudes, which narrows it"
+    )
+    assert cells(found)["Soft iron", "xx"][2] == "pass"
+    assert cells(found)["Soft iron", "xy"][2] == "undecided"
+
+
 def test_without_held_out_readings_the_fit_is_judged():
     found = assembled(CALIBRATION, residual_percent_check=None)
     assert verdicts(found)["residual_percent", "", "max"] == "pass"

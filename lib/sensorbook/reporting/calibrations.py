@@ -91,8 +91,9 @@ def size(quantity: str, axes: str, estimate: Estimate) -> Estimate:
 def judged(result: dict[str, Any], axis: str, quantity: str) -> tuple[float | None, ...]:
     """Value and interval by which a limit of a calibration's quantity is judged; None where unknown.
 
-    Of several numbers of an axis the largest. The field is judged only where its strength is known
-    from elsewhere: else it is no more than what the soft iron's scale makes of the readings.
+    Of several numbers of an axis the largest, which lies between the largest of their lower and of
+    their upper bounds: one that is hardly known may be the largest, too. The field is judged only where
+    its strength is known from elsewhere: else it is what the soft iron's scale makes of the readings.
     """
     if quantity in WHOLE:
         return (whole(result, quantity),) * 3
@@ -103,7 +104,7 @@ def judged(result: dict[str, Any], axis: str, quantity: str) -> tuple[float | No
         for (name, axes), estimate in calibration_estimates(result).items()
         if name == quantity and concerns(quantity, axes, axis)
     ]
-    return max(mine, default=(None, None, None))
+    return tuple(max(numbers) for numbers in zip(*mine, strict=True)) or (None,) * 3
 
 
 def concerns(quantity: str, axes: str, axis: str) -> bool:

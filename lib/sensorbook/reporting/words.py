@@ -90,7 +90,8 @@ def check_words(check: dict[str, Any], found: dict[str, Any]) -> str:
         return words
     if high is None:
         return f"{words} — {why_none(check, found)}"
-    return f"{words}, as its 95 % interval straddles the limit — record longer, which narrows it"
+    more = "record it in more attitudes" if quantity in CALIBRATED else "record longer"
+    return f"{words}, as its 95 % interval straddles the limit — {more}, which narrows it"
 
 
 def why_none(check: dict[str, Any], found: dict[str, Any]) -> str:
