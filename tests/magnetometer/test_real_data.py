@@ -49,8 +49,8 @@ def test_an_animal_tag_at_rest_is_refused(real_data, run):
     """Two thermal cycles, each in one attitude."""
     at_rest = sensorbook.load(real_data / "cats-tag").runs("magnetometer", "thermal")[run]
     with pytest.raises(Refusal) as caught:
-        calibrate(at_rest.values)
-    assert caught.value.reason
+        calibrate(at_rest.values[::50])
+    assert "directions are too few" in caught.value.reason
     assert caught.value.remedy
 
 
