@@ -84,6 +84,22 @@ def test_without_noise_the_turn_is_exact():
     assert found.spreads["aligned"] < 1e-6
 
 
+@pytest.mark.parametrize("dip", [-80.0, 0.0, 70.0, 80.0])
+def test_a_dip_however_steep(dip):
+    """Noise of 1.5° in each direction: of sines the fit would run to a dip of 90°."""
+    rng = np.random.default_rng(8)
+    u = Rotation.random(3000, rng=rng)
+    down = np.array([0, np.cos(np.radians(dip)), -np.sin(np.radians(dip))])
+    field = Rotation.from_rotvec(TURN).apply(u.apply(FIELD * down))
+    field += 0.026 * FIELD * rng.standard_normal(field.shape)
+    calibration = calibrate(read_field(FIELD * Rotation.random(500, rng=rng).apply(down), IDEAL))
+    found = align(calibration, field, u.apply([0, 0, G]), G)
+    assert found.determined
+    # 1.5° · √(3 / 3000) = 0.05° at one standard error; steep ones are folded at the vertical.
+    np.testing.assert_allclose(np.degrees(found.turn), np.degrees(TURN), rtol=0, atol=0.25)
+    assert np.degrees(found.dip) == pytest.approx(dip, abs=0.4)
+
+
 def test_results(one):
     results = one[1].to_results()
     np.testing.assert_allclose(results["turn_deg"], np.degrees(one[1].turn))

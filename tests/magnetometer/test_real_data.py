@@ -54,9 +54,16 @@ def test_an_animal_tag_at_rest_is_refused(real_data, run):
     assert caught.value.remedy
 
 
-def test_a_slow_turn_through_some_attitudes(real_data):
-    """An experiment for attitude filters: its magnetometer was calibrated by its authors."""
-    run = sensorbook.load(real_data / "broad-slow").magnetometer.trajectory
+def test_a_slow_turn_through_most_attitudes(real_data):
+    """An experiment for attitude filters, its magnetometer calibrated before, in a dip of 70°."""
+    device = sensorbook.load(real_data / "broad-slow")
+    run = device.magnetometer.trajectory
     fit = calibrate(run.values)
     assert np.linalg.norm(fit.hard_iron) < 0.1 * fit.field
     assert scatter(fit, run.values) < 2.5
+    found = align(fit, *paired(run, device.accelerometer.trajectory), STANDARD_GRAVITY)
+    assert found.determined
+    # A sensor whose triads its maker aligned; a fit of the dip's sine ends at 20° and a dip of 88°.
+    assert np.degrees(np.linalg.norm(found.turn)) < 2
+    assert np.degrees(found.dip) == pytest.approx(70, abs=1)
+    assert found.spreads["aligned"] <= found.spreads["calibrated"]

@@ -143,8 +143,11 @@ def align(
     before = _dips(north, up)
     for _ in range(20):
         turned = Rotation.from_rotvec(turn).apply(up)
-        r = (north * turned).sum(axis=1) + np.sin(dip)
-        jacobian = np.hstack([np.cross(turned, north), np.full((len(r), 1), np.cos(dip))])
+        # In angles: of sines the scatter is less the steeper the dip, and a turn could make it so.
+        r = dip - _dips(north, turned)
+        across = np.cross(turned, north)
+        across /= np.maximum(np.linalg.norm(across, axis=1), 1e-3)[:, None]
+        jacobian = np.hstack([across, np.ones((len(r), 1))])
         w = _bisquare(r)
         normal = jacobian.T @ (w[:, None] * jacobian)
         if np.linalg.cond(normal) > 1e10:
@@ -155,10 +158,9 @@ def align(
         if np.abs(step).max() < 1e-10:
             break
     dips = {"raw": _dips(_unit(field), _unit(force)), "calibrated": before}
-    # All round, each component of field × up has a third of its square's mean.
-    even = 3 / np.mean((jacobian[:, :3] ** 2).sum(axis=1))
     poor = np.linalg.cond(normal) > 1e10 or (
-        np.linalg.inv(normal / w.sum())[:3, :3].diagonal().max() > MOST_DILUTION**2 * even
+        # All round, each component of the unit vectors across has a third of their mean square.
+        np.linalg.inv(normal / w.sum())[:3, :3].diagonal().max() > MOST_DILUTION**2 * 3
     )
     if poor:
         return Alignment(np.eye(3), np.full(3, np.nan), np.full((4, 4), np.nan), 1, float(before.mean()),
