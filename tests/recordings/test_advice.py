@@ -137,7 +137,9 @@ def test_directions_that_determine_a_magnetometer_and_such_that_do_not():
     flat = every * [1, 1, 0.05]
     flat /= np.linalg.norm(flat, axis=1)[:, None]
     message, remedy = told(turned(flat))["coverage"]
-    assert re.match(r"The directions are too few for the full ellipsoid .* one plane or cone", message)
+    assert re.match(
+        r"The directions are too few for the full ellipsoid .* one plane or cone", message
+    )
     assert re.match(r"Tip it by 90° and over, until its [+−]z points", remedy)
     message, remedy = told(turned(every[every[:, 2] > 0.7]))["coverage"]
     assert "across the device's +z" in message
