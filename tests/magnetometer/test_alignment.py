@@ -86,7 +86,7 @@ def test_without_noise_the_turn_is_exact():
 
 @pytest.mark.parametrize("dip", [-80.0, 0.0, 70.0, 80.0])
 def test_a_dip_however_steep(dip):
-    """Noise of 1.5° in each direction: of sines the fit would run to a dip of 90°."""
+    """Noise of 1.5° in each direction."""
     rng = np.random.default_rng(8)
     u = Rotation.random(3000, rng=rng)
     down = np.array([0, np.cos(np.radians(dip)), -np.sin(np.radians(dip))])
