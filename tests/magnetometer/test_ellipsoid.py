@@ -248,6 +248,16 @@ def test_sphere_of_a_circle_is_centred_in_its_plane(seed):
     np.testing.assert_allclose(found, packed(h, np.eye(3) / 0.6), rtol=0, atol=1e-9)
 
 
+def test_sphere_of_nearly_flat_readings_is_centred_in_their_plane():
+    """Noise across the plane would place the centre anywhere along its normal."""
+    rng = np.random.default_rng(13)
+    turn = 2 * np.pi * rng.random(500)
+    m = np.c_[np.cos(turn), np.sin(turn), 0.02 * rng.standard_normal(500)] + [1, 2, 3]
+    found = sphere(m, 0.1)
+    # Means of 500: 0.02 / √500 ≈ 1e-3 along the normal.
+    np.testing.assert_allclose(found, packed(np.array([1.0, 2, 3]), np.eye(3)), rtol=0, atol=5e-3)
+
+
 def test_spread_is_the_standard_deviation_of_normal_residuals():
     r = 0.3 * np.random.default_rng(12).standard_normal(100_000)
     assert spread(r) == pytest.approx(0.3, rel=0.02)  # sd of a median's estimate: 0.4 %
