@@ -45,7 +45,7 @@ def test_a_tenth_of_wrong_readings_does_not_move_the_hard_iron(name, stretch):
 def test_an_offset_that_partly_looks_like_noise_moves_it_little(stretch):
     """Where the 6 µT lie across the field its length hardly changes: a third of them stay.
 
-    The goal of 2 standard errors is met in all but 4 of 100 devices, where it is 2.0 to 2.5.
+    The goal of 2 standard errors is met in all but a few of a hundred devices, where it is 2.0 to 2.5.
     """
     sizes = [moved("6 µT to one side", stretch, seed)[0] for seed in range(8)]
     assert np.mean(sizes) < 1.5
