@@ -154,7 +154,7 @@ def test_outliers_are_set_aside_and_left_out_of_the_dip(tmp_path):
     assert (error < 2 * found["interval_factor"] * np.array(found["std"]["hard_iron"])).all()
     assert found["alignment"]["dip_spread_after_deg"] < 2
     page = report.page("magnetometer", "magnetometer")
-    assert "readings lie more than four robust deviations off" in page
+    assert "readings lie more than 3.5 robust deviations off" in page
     assert "The dip angle has the wrong sign for this place" in page
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from sensorbook.magnetometer.ellipsoid import (
     BASES,
@@ -14,7 +15,8 @@ from sensorbook.magnetometer.ellipsoid import (
     unpacked,
 )
 
-ASIDE = 4.0  # robust standard deviations; one normal reading in 16 000 is farther off
+ASIDE = 3.5  # robust standard deviations; one normal reading in 2000 is farther off
+NEIGHBOURS, DISTURBED = 25, 0.3  # where so many of so many neighbours are off, all are set aside
 TRIED = 2000  # readings that starts are tried on
 # Random starts, and readings each is made of: where a tenth is wrong, 0.28 of them hold none of it.
 SUBSETS, SUBSET = 60, 12
@@ -26,8 +28,9 @@ def robust_ellipsoid(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Starts from the best of several algebraic fits, each drawn to the three quarters of the readings
     nearest to it (concentration steps; Rousseeuw and Van Driessen 1999), goes on by bisquare
-    weights, sets aside what is more than `ASIDE` robust standard deviations off, and ends in plain
-    least squares on the others, so that nothing is lost where nothing is wrong.
+    weights, sets aside what is more than `ASIDE` robust standard deviations off, and stretches that
+    are full of such, and ends in plain least squares on the others, so that nothing is lost where
+    nothing is wrong.
     """
     basis = BASES["ellipsoid"]
     parameters = refine(m, _start(m), basis, robust=True, steps=30)
@@ -41,7 +44,10 @@ def robust_ellipsoid(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _near(r: np.ndarray, among: np.ndarray | None = None) -> np.ndarray:
     scale = spread(r if among is None else r[among])
     # Noise-free readings have a scale of rounding errors, which sorts nothing out.
-    return np.abs(r) <= max(ASIDE * scale, 1e-9)
+    off = np.abs(r) > max(ASIDE * scale, 1e-9)
+    # A magnet that came near shows in most readings of a while; in those across the field it does not.
+    disturbed = ndimage.uniform_filter1d(off.astype(float), NEIGHBOURS) > DISTURBED
+    return ~(off | disturbed)
 
 
 def _start(m: np.ndarray) -> np.ndarray:
