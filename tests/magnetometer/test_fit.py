@@ -10,6 +10,7 @@ from sensorbook.errors import Refusal
 from sensorbook.magnetometer import calibrate
 from sensorbook.magnetometer.ellipsoid import ENTRIES, PARAMETERS
 from sensorbook.magnetometer.result import relative
+from sensorbook.simulate import rotation
 from sensorbook.simulate.rotation import read_field
 
 from .turns import FIELD, anywhere, belt, cap, iron_of, read, soft_iron_of, turned_by_hand
@@ -353,3 +354,36 @@ def test_calibrate_rotation_takes_the_field_of_the_site(tmp_path):
     bare = calibrate_rotation(run)
     assert not bare.field_known
     np.testing.assert_allclose(bare.hard_iron, known.hard_iron, rtol=1e-12)
+
+
+@pytest.mark.parametrize("equal", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_long_rest_before_the_turn_does_not_decide(seed, equal):
+    """Twice as long at rest as turned, in a field that differs by 1 % along the hand's path."""
+    rng = np.random.default_rng([seed, 21])
+    gradient = rng.normal(scale=2e-5, size=(3, 3))
+    place = 0.03 * rotation.smooth(rng, 3000, 50.0, 1.2)
+    truth = rotation.draw_iron(rng, FIELD) | {"alignment": np.eye(3)}
+    path = rotation.attitudes(rng, 3000, 50.0)
+    level = FIELD * np.array([0, np.cos(1.0), -np.sin(1.0)])
+    field = path.inv().apply(level + place @ (gradient + gradient.T) / 2)
+    field = np.vstack([np.tile(field[:1], (6000, 1)), field])
+    noise = {"random_walk": 10e-9, "bias_instability": 10e-9}
+    m = rotation.noisy(rng, rotation.read_field(field, truth), 50.0, noise)
+    if equal:
+        m[:6000] = m[0]
+    found = calibrate(m)
+    assert found.method == "ellipsoid"
+    # 4 standard errors on each of 18 numbers; and little of the turn is taken for disturbed.
+    assert (np.abs(found.hard_iron - truth["hard_iron"]) < 4 * found.std[:3]).all()
+    assert (~found.used[6000:]).mean() < 0.2
+
+
+def test_a_device_that_lay_still():
+    rng = np.random.default_rng(22)
+    m = np.array([1e-5, 2e-5, -4e-5]) + rng.normal(scale=3e-7, size=(3000, 3))
+    with pytest.raises(
+        Refusal, match=r"The readings hardly change, by 1 % of their mean"
+    ) as caught:
+        calibrate(m)
+    assert caught.value.remedy == "Turn it slowly through all attitudes, for a minute or two."

@@ -15,6 +15,7 @@ PARAMETERS = (
     *(f"hard_iron.{a}" for a in "xyz"),
     *(f"soft_iron.{'xyz'[i]}{'xyz'[j]}" for i, j in ENTRIES),
 )
+COARSE = 5000  # readings that a long recording is fitted on first
 # Columns: what each model is free to change of these nine.
 BASES = {
     "ellipsoid": np.eye(9),
@@ -100,7 +101,8 @@ def algebraic(m: np.ndarray) -> np.ndarray | None:
 def sphere(m: np.ndarray, flat: float = 1e-6) -> np.ndarray:
     """(9,) least-squares sphere of (N, 3) readings; of a plane the one centred in it.
 
-    As a plane count readings whose thinnest direction is below `flat` of their widest.
+    As a plane count readings whose thinnest direction is below `flat` of their widest, where these are
+    scaled to about 1.
     """
     centre = m.mean(axis=0)
     x = m - centre
@@ -123,6 +125,10 @@ def refine(
     Levenberg–Marquardt from `start`. `robust` minimises Tukey's bisquare instead (c = 4.685, 95 %
     efficient; Beaton and Tukey 1974), the scale being that of the residuals' median at each step.
     """
+    if len(m) > 2 * COARSE:
+        # Most of the way on a part; poor motions go far, and slowly.
+        start = refine(m[:: len(m) // COARSE], start, basis, robust, steps)
+        steps = 10
     parameters, damping = start, 1e-9
     r, u = residuals(m, parameters)
     for _ in range(steps):

@@ -29,7 +29,7 @@ from sensorbook.magnetometer.ellipsoid import (
     without_noise_bias,
 )
 from sensorbook.magnetometer.result import MagnetometerCalibration, scaled
-from sensorbook.magnetometer.robust import robust_ellipsoid
+from sensorbook.magnetometer.robust import robust_ellipsoid, thinned
 from sensorbook.magnetometer.uncertainty import (
     correlation_time,
     held_out,
@@ -40,6 +40,7 @@ from sensorbook.magnetometer.uncertainty import (
 FEWEST = 30  # readings
 FLAT_READINGS = 0.1  # thinnest over widest direction: below, readings count as those of a flat turn
 MOST_ROUGHLY = 6.0  # dilution about a plain sphere; an ellipsoid of 1 : 3, seen all over, has 4.5
+STILL = 0.1  # change of the readings over their mean; of a turn with a hard iron of ten fields it is more
 NOT_ONE_FIELD = 0.15  # of the field: residuals beyond are no ellipsoid of any sensor
 MODELS = ("ellipsoid", "diagonal", "hard_iron")
 NAMES = {
@@ -102,7 +103,7 @@ def calibrate(
     x = (np.asarray(values, dtype=float)[finite] - centre) / size
     best = trials[-1]
     if best.reason:
-        raise Refusal(*_refused(trials, x[kept]))
+        raise Refusal(*_refused(trials, x[kept], size / float(np.linalg.norm(centre))))
     r = residuals(x, best.parameters)[0]
     check = held_out(x, best.parameters, BASES[best.model], kept)
     used = np.zeros(len(values), dtype=bool)
@@ -170,14 +171,18 @@ def _attempted(values: np.ndarray):
             f"{different} different readings are too few; {FEWEST} are needed.",
             "Turn the device slowly through all attitudes for a minute.",
         )
-    centre = np.median(m, axis=0)
-    distance = np.linalg.norm(m - centre, axis=1)
+    fitted = thinned(m)
+    centre = np.median(m[fitted], axis=0)
+    distance = np.linalg.norm(m[fitted] - centre, axis=1)
     size = float(np.median(distance)) or float(distance.mean())  # of a sensor that sticks it is 0
     x = (m - centre) / size
-    full, kept = robust_ellipsoid(x)
+    full, near = robust_ellipsoid(x[fitted])
+    r = np.abs(residuals(x, full)[0])
+    kept = r <= r[fitted][near].max()
+    kept[fitted] = near
     trials = []
     for model in MODELS:
-        trials.append(_tried(model, x[kept], full))
+        trials.append(_tried(model, x[fitted & kept], full))
         if not trials[-1].reason:
             break
     return finite, centre, size, kept, trials
@@ -252,8 +257,16 @@ def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iro
     return ""
 
 
-def _refused(trials: list[Trial], x: np.ndarray) -> tuple[str, str]:
-    """Reason and remedy where no model is determined."""
+def _refused(trials: list[Trial], x: np.ndarray, change: float) -> tuple[str, str]:
+    """Reason and remedy where no model is determined.
+
+    `change` is the size of the readings' cloud over its distance from the origin.
+    """
+    if change < STILL:
+        return (
+            f"The readings hardly change, by {100 * change:.2g} % of their mean: the device lay still.",
+            "Turn it slowly through all attitudes, for a minute or two.",
+        )
     for trial in trials:
         if trial.reason.startswith("The readings lie on no"):
             return (
