@@ -138,6 +138,7 @@ _QUANTITY_UNITS = {
     "hard_iron": (None, None, ("T", "µT")),
     "soft_iron": (None, None, ("1", "1")),
     "field": (None, None, ("T", "µT")),
+    "field_measured": (None, None, ("T", "µT")),
     "rms_before": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
     "rms_after": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
     "rms_check": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),

@@ -14,23 +14,25 @@ from sensorbook.reporting.gate import gate
 from sensorbook.reporting.junit import junit_xml
 
 SOFTWARE = dict.fromkeys(("sensorbook", "python", "numpy", "scipy"), "1")
+REASON = "The directions are too few: the field stays within ±3° of one plane.\nTip it by 90°."
 CALIBRATION = {
     "method": "ellipsoid", "hard_iron": [8e-6, -30e-6, 1e-6],
     "soft_iron": [[1.02, -0.012, 0.003], [-0.012, 0.98, 0.07], [0.003, 0.07, 1.0]],
-    "field": 48e-6, "field_known": True, "field_source": "WMM", "residual_percent": 0.5,
-    "residual_percent_check": 0.8, "residual_percent_before": 12.0, "coverage_percent": 97.0,
+    "field": 48e-6, "field_measured": 49e-6, "field_known": True, "field_source": "WMM",
+    "residual_percent": 0.5, "residual_percent_check": 0.8, "residual_percent_before": 12.0, "coverage_percent": 97.0,
     "dilution": 1.2, "interval_factor": 2.0, "degrees_of_freedom": 39, "blocks": 40,
     "readings": 5990, "set_aside": 10, "unit": "T",
-    "std": {"hard_iron": [1e-8, 2e-8, 1e-8], "field": 1e-7,
+    "std": {"hard_iron": [1e-8, 2e-8, 1e-8], "field": 1e-7, "field_measured": 2e-7,
             "soft_iron": [[1e-3, 2e-4, 2e-4], [2e-4, 1e-3, 2e-4], [2e-4, 2e-4, 1e-3]]},
     "alignment": {"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "turn_deg": [0, 0, 0],
                   "turn_std_deg": [0.1, 0.1, 0.1], "degrees_of_freedom": 39, "dip_deg": 58.0,
                   "dip_spread_before_deg": 7.5, "dip_spread_calibrated_deg": 2.6,
                   "dip_spread_after_deg": 0.7, "accelerometer": "as read"},
     "heading_error_before_deg": 23.0, "heading_error_after_deg": 0.16,
-    "runs": [{"file": "b.csv", "method": "ellipsoid"}],
+    "heading_error_aligned_deg": 0.14, "repeatability": {"hard_iron": [1e-8, 2e-8, 3e-8]},
+    "runs": [{"file": "b.csv", "method": "ellipsoid"},
+             {"file": "c.csv", "method": None, "reason": REASON}],
 }  # fmt: skip
-REASON = "The directions are too few: the field stays within ±3° of one plane.\nTip it by 90°."
 SPEC = {
     "hard_iron": {"max": 20, "unit": "uT"},
     "soft_iron": {"max": 0.05, "unit": "1"},
@@ -121,14 +123,30 @@ def test_without_held_out_readings_the_fit_is_judged():
     assert verdicts(found)["residual_percent", "", "max"] == "pass"
 
 
-def test_a_relative_field_is_not_judged():
-    found = assembled(CALIBRATION, {"field": {"max": 50, "unit": "uT"}}, field_known=False)
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("limited", ["field", "field_measured"])
+@pytest.mark.parametrize(
+    ("limit", "verdict"), [(48.5, "fail"), (49.3, "undecided"), (49.5, "pass")]
+)
+def test_a_limit_on_the_field_is_about_the_readings(limited, known, limit, verdict):
+    """As read it is 49.0 ± 0.4 µT; the 48.0 ± 0.2 µT of `field` are the Earth model's."""
+    spec = {limited: {"max": limit, "unit": "uT"}}
+    found = assembled(CALIBRATION, spec, field_known=known)
+    assert verdicts(found) == {(limited, "", "max"): verdict}
+    (check,) = found["checks"]
+    assert (check["value"], check["low"], check["high"]) == pytest.approx((49e-6, 48.6e-6, 49.4e-6))
+    assert cells(found)["Field strength as read", ""] == ("49.00", "48.60 … 49.40", verdict)
+
+
+def test_without_the_strength_of_the_readings_the_field_is_not_judged():
+    without = {k: v for k, v in CALIBRATION.items() if k != "field_measured"}
+    found = assembled(without, {"field": {"max": 50, "unit": "uT"}})
     assert verdicts(found) == {("field", "", "max"): "undecided"}
     assert list(gate(found)) == [
-        "imu: magnetometer field strength: no result, limit ≤ 50 µT: undecided — the Earth's field there "
-        "is not known: give latitude, longitude and date in [site]"
+        "imu: magnetometer field strength as read: no result, limit ≤ 50 µT: undecided — these results do "
+        "not hold the strength of the readings: render the report again"
     ]
-    assert cells(found)["Field strength", ""] == ("48.00", "47.80 … 48.20", "undecided")
+    assert cells(found)["Field strength as read", ""] == ("–", "", "undecided")
 
 
 def test_gate_and_junit_name_a_quantity_without_axes():
@@ -152,7 +170,7 @@ def test_the_table_of_the_device_page():
     assert found["Soft iron", "xx"] == ("1.0200", "1.0180 … 1.0220", "pass")
     assert found["Soft iron", "yz"] == ("0.07000", "0.06960 … 0.07040", "fail")
     assert found["Soft iron", "xz"] == ("0.00300", "0.00260 … 0.00340", "pass")
-    assert found["Field strength", ""] == ("48.00", "47.80 … 48.20", "pass")
+    assert found["Field strength as read", ""] == ("49.00", "48.60 … 49.40", "pass")
     assert found["Residual of field strength", ""] == ("0.8", "12 as recorded", "fail")
     assert found["Coverage of directions", ""] == ("97", "", "pass")
     assert found["Heading error, corrected", ""] == ("0.16", "23 as recorded", "pass")
@@ -160,7 +178,7 @@ def test_the_table_of_the_device_page():
         row["name"]: (row["limit"], row["unit"]) for row in table(assembled(CALIBRATION))["rows"]
     }
     assert limits["Soft iron"] == ("≤ 0.05 off identity", "1")
-    assert limits["Field strength"] == ("≤ 50, ≥ 45", "µT")
+    assert limits["Field strength as read"] == ("≤ 50, ≥ 45", "µT")
 
 
 @pytest.mark.parametrize(
@@ -196,7 +214,7 @@ def test_a_refusal_is_told_once_with_its_reason(tmp_path):
     page = " ".join(index.device_page(found, tmp_path).split())
     line = (
         "Magnetometer hard iron, soft iron off identity, residual of field strength, coverage of "
-        "directions, field strength, heading error, corrected: no result: undecided — magnetometer "
+        "directions, field strength as read, heading error, corrected: no result: undecided — magnetometer "
         "calibration refused: The directions are too few"
     )
     assert page.count(line) == 1
@@ -229,7 +247,7 @@ def test_group_page():
     assert values["residual_percent"] == (0.8, "", "fail")
     assert values["coverage_percent"] == (97.0, "", "pass")
     assert values["heading_error_after_deg"] == (0.16, "", "pass")
-    assert values["field"] == (pytest.approx(48), "", "pass")
+    assert values["field"] == (pytest.approx(49), "", "pass")
     assert "magnetometer residual of field strength 0.800, limit ≤ 0.6 %" in row.reasons
     assert "magnetometer soft iron off identity y 0.0700, limit ≤ 0.05" in row.reasons
 
@@ -238,7 +256,7 @@ def test_group_page_without_limits_and_of_a_refusal():
     row = group._read("imu", assembled(CALIBRATION, spec=None))
     assert row.values["magnetometer", "hard_iron"].axis == "y"
     assert row.values["magnetometer", "soft_iron"].axis == "yz"
-    assert ("magnetometer", "field") not in row.values  # of the place, not of the device
+    assert not {q for _, q in row.values if "field" in q}  # of the place, not of the device
     refused = group._read("imu", assembled(spec=None))
     assert refused.values == {}
     assert refused.reasons == [
@@ -261,6 +279,7 @@ def test_csv_has_every_number_with_its_interval():
         *(("hard_iron", a) for a in "xyz"),
         *(("soft_iron", e) for e in ("xx", "yy", "zz", "xy", "xz", "yz")),
         ("field", ""),
+        ("field_measured", ""),
     ]
     y = by["hard_iron", "y"]
     assert (float(y["field_value"]), y["field_unit"], y["method"]) == (-30.0, "µT", "ellipsoid")
@@ -278,7 +297,10 @@ def test_the_schema_takes_it():
 @pytest.mark.parametrize("changed", [
     {"field": -1e-6}, {"field_known": "yes"}, {"coverage_percent": 101.0}, {"residual_percent": "1"},
     {"std": CALIBRATION["std"] | {"hard_iron": [1e-8]}}, {"blocks": 0}, {"set_aside": 1.5},
-    {"alignment": {}}, {"heading_error_after_deg": "0.1"}, {"runs": [{}]}, {"method": "spheroid"},
+    {"alignment": {}}, {"heading_error_after_deg": "0.1"}, {"runs": [{}]},
+    {"runs": [{"file": "b.csv", "method": None}]},
+    {"field_measured": 0.0}, {"repeatability": {}}, {"heading_error_aligned_deg": "0.1"},
+    {"method": "spheroid"},
 ])  # fmt: skip
 def test_the_schema_refuses_what_is_wrong(changed):
     schema = Draft202012Validator(json.loads(results.SCHEMA.read_text()))

@@ -7,6 +7,7 @@ from typing import Any
 from sensorbook import units
 from sensorbook.reporting.calibrations import (
     CALIBRATED,
+    JUDGED_BY,
     WHOLE,
     calibration_estimates,
     concerns,
@@ -44,7 +45,9 @@ def calibration_table(
         return None
     rows = []
     for quantity in CALIBRATED:
-        own = [check for check in mine if check["quantity"] == quantity]
+        if quantity in JUDGED_BY:
+            continue
+        own = [c for c in mine if JUDGED_BY.get(c["quantity"], c["quantity"]) == quantity]
         cells = _cells(sensor, quantity, result, own)
         if not cells:
             continue

@@ -21,22 +21,26 @@ CALIBRATED = (
     "hard_iron",
     "soft_iron",
     "field",
+    "field_measured",
     *WHOLE,
 )
+# `field` is the Earth model's own value, or what the soft iron's scale makes of the readings: a limit on
+# it is about the readings as they come.
+JUDGED_BY = {"field": "field_measured"}
 
 Estimate = tuple[float, float, float]  # value and the bounds of its 95 % interval
 
 
 def axes_of(quantity: str) -> tuple[str, ...]:
     """The axes that a limit of this quantity is judged on; ("",) where it has none."""
-    return ("",) if quantity == "field" or quantity in WHOLE else AXES
+    return ("",) if quantity in ("field", "field_measured", *WHOLE) else AXES
 
 
 def calibration_estimates(result: dict[str, Any]) -> dict[tuple[str, str], Estimate]:
     """Value and 95 % interval of a calibration's numbers by quantity and axis, SI.
 
     `bias`, `scale_factor_error` and `hard_iron` have the axes x, y and z, `misalignment` the pairs that
-    were free, `soft_iron` its six `ENTRIES`, and `field` the axis "".
+    were free, `soft_iron` its six `ENTRIES`, `field` and `field_measured` the axis "".
     """
     calibration = result.get("calibration") or {}
     if calibration.get("method") is None or "std" not in calibration:
@@ -65,6 +69,8 @@ def calibration_estimates(result: dict[str, Any]) -> dict[tuple[str, str], Estim
             i, j = map(AXES.index, entry)
             take("soft_iron", entry, calibration["soft_iron"][i][j], std["soft_iron"][i][j])
         take("field", "", calibration["field"], std["field"])
+    if "field_measured" in calibration and "field_measured" in std:
+        take("field_measured", "", calibration["field_measured"], std["field_measured"])
     return found
 
 
@@ -92,13 +98,11 @@ def judged(result: dict[str, Any], axis: str, quantity: str) -> tuple[float | No
     """Value and interval by which a limit of a calibration's quantity is judged; None where unknown.
 
     Of several numbers of an axis the largest, which lies between the largest of their lower and of
-    their upper bounds: one that is hardly known may be the largest, too. The field is judged only where
-    its strength is known from elsewhere: else it is what the soft iron's scale makes of the readings.
+    their upper bounds: one that is hardly known may be the largest, too.
     """
     if quantity in WHOLE:
         return (whole(result, quantity),) * 3
-    if quantity == "field" and not (result.get("calibration") or {}).get("field_known"):
-        return (None,) * 3
+    quantity = JUDGED_BY.get(quantity, quantity)
     mine = [
         size(name, axes, estimate)
         for (name, axes), estimate in calibration_estimates(result).items()

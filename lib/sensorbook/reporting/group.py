@@ -185,7 +185,9 @@ def _take_noise(row: Row, sensor: str, quantity: str, noise: dict[str, Any]) -> 
 def _take_calibration(row: Row, sensor: str, result: dict[str, Any]) -> None:
     """Of each quantity the largest of the axes, by size; misalignments and field only where judged."""
     for (quantity, axes), estimate in calibration_estimates(result).items():
-        if quantity in ("misalignment", "field") or not all(map(_finite, estimate)):
+        if quantity in ("misalignment", "field", "field_measured") or not all(
+            map(_finite, estimate)
+        ):
             continue
         scale = _scale(sensor, quantity)
         value, low, high = size(quantity, axes, estimate)

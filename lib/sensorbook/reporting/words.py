@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from sensorbook import units
-from sensorbook.reporting.calibrations import CALIBRATED
+from sensorbook.reporting.calibrations import CALIBRATED, JUDGED_BY
 from sensorbook.reporting.chapters import CHAPTERS
 
 # As the field calls them; the random walk's name depends on what is integrated.
@@ -22,6 +22,7 @@ NAMES = {
     "rms_after": "Residual after the thermal model",
     "rms_check": "Residual held out",
     "field": "Field strength",
+    "field_measured": "Field strength as read",
     "residual_percent": "Residual of field strength",
     "residual_percent_check": "Residual held out",
     "coverage_percent": "Coverage of directions",
@@ -43,7 +44,9 @@ def quantity_name(sensor: str, quantity: str) -> str:
 
 def judged_name(sensor: str, quantity: str) -> str:
     """The name of what a limit is about, in which soft iron counts by how far it is from none."""
-    return "Soft iron off identity" if quantity == "soft_iron" else quantity_name(sensor, quantity)
+    if quantity == "soft_iron":
+        return "Soft iron off identity"
+    return quantity_name(sensor, JUDGED_BY.get(quantity, quantity))
 
 
 def interval(value: float, low: float, high: float) -> tuple[str, str, str]:
@@ -108,6 +111,6 @@ def why_none(check: dict[str, Any], found: dict[str, Any]) -> str:
             reason = chapter["reason"].splitlines()[0]
             return f"{chapter['title'].lower()} {chapter['status']}: {reason}"
     calibration = found["sensors"].get(check["sensor"], {}).get("calibration", {})
-    if check["quantity"] == "field" and calibration.get("field_known") is False:
-        return "the Earth's field there is not known: give latitude, longitude and date in [site]"
+    if check["quantity"] in ("field", "field_measured") and calibration.get("method"):
+        return "these results do not hold the strength of the readings: render the report again"
     return "no recording gives it: add one, or take the limit out of [spec]"
