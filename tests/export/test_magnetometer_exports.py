@@ -297,6 +297,51 @@ def test_standard_errors_and_the_fields_source(exported):
     assert list(without) == ["hard_iron", "soft_iron"]
 
 
+ANGLE = math.radians(2.0)  # about z
+ALIGNMENT = {
+    "matrix": [[math.cos(ANGLE), -math.sin(ANGLE), 0.0], [math.sin(ANGLE), math.cos(ANGLE), 0.0],
+               [0.0, 0.0, 1.0]],
+    "turn_deg": [0.0, 0.0, 2.0], "turn_std_deg": [0.1, 0.1, 0.1],
+}  # fmt: skip
+TURNED = "transpose(alignment) * corrected is in the accelerometer's."
+
+
+def test_the_turn_between_the_triads(exported):
+    change = calibrated(alignment=ALIGNMENT)
+    text = exported("yaml", change)
+    assert f"# {TURNED}\n" in text
+    assert "  alignment:  # 1, v_magnetometer = alignment * v_accelerometer\n" in text
+    matrix = np.array(yaml.safe_load(text)["magnetometer"]["alignment"])
+    assert matrix.tolist() == ALIGNMENT["matrix"]
+    # x of the accelerometer, as the magnetometer sees it turned, and back as the comment says.
+    seen = np.array([math.cos(ANGLE), math.sin(ANGLE), 0.0])
+    assert matrix.T @ seen == pytest.approx([1, 0, 0], abs=1e-15)
+    header = exported("c-header", change)
+    assert f" * {TURNED}\n" in header
+    assert "static const double sensorbook_mag_7_b_magnetometer_alignment[3][3] = {" in header
+    for name in AUTOPILOTS:
+        text = exported(name, change)
+        said = " ".join(text.replace("\n# ", " ").split())
+        assert (
+            "Corrected readings are in the magnetometer's own axes, turned by the rotation vector "
+            "(0.00, 0.00, 2.00) degrees from the accelerometer's, which these parameters do not take out."
+        ) in said
+        assert_corrects(CORRECT[name](text, RAW), HARD_IRON, SOFT_IRON)
+
+
+@pytest.mark.parametrize("alignment", [None, {"matrix": None, "turn_deg": None}])
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_turn_that_is_not_known(name, alignment, exported):
+    assert exported(name, calibrated(alignment=alignment)) == exported(name)
+
+
+@pytest.mark.parametrize("name", ["yaml", "c-header"])
+def test_an_alignment_that_is_damaged(name, exported):
+    lines = said(exported, name, calibrated(alignment=ALIGNMENT | {"matrix": [[1, 0], [0, 1]]}))
+    assert len(lines) == 1
+    assert lines[0].startswith(f"{C}.alignment.matrix: ")
+
+
 TOLD = [
     "Calibration of the device mag-7.b (A compass).",
     "Results of 2024-05-01T12:00:00+00:00; sensorbook 0.1.0, python 3.11.7, numpy 2.0, scipy 1.13.",

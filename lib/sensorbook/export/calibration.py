@@ -179,7 +179,21 @@ def _magnetometer(entry: Entry, unit: str, notes: list[str]) -> tuple[list[str],
     if (field := entry.get("field")).value is not None:
         values.append(Value("field", field.number(), f"{unit}, length of a corrected reading"))
     values += _standard_errors(entry, unit)
-    return [*notes, *field_notes(entry), IRON], values
+    notes += [*field_notes(entry), IRON]
+    if turn_deg(entry) is not None:
+        matrix = entry.at("alignment").at("matrix").array(3, 3)
+        values.append(Value("alignment", matrix, "1, v_magnetometer = alignment * v_accelerometer"))
+        notes += [
+            "A corrected reading is in the magnetometer's own axes:",
+            "transpose(alignment) * corrected is in the accelerometer's.",
+        ]
+    return notes, values
+
+
+def turn_deg(entry: Entry) -> list[float] | None:
+    """The rotation vector of a magnetometer's axes from the accelerometer's; None where not known."""
+    turn = entry.get("alignment").get("turn_deg")
+    return None if turn.value is None else turn.array(3)
 
 
 def field_notes(entry: Entry) -> list[str]:

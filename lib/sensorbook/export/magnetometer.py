@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.export.calibration import IRON, MENDS, field_notes, inert, origin, same_unit
+from sensorbook.export.calibration import (
+    IRON,
+    MENDS,
+    field_notes,
+    inert,
+    origin,
+    same_unit,
+    turn_deg,
+)
 from sensorbook.export.source import Entry
 from sensorbook.units import SENSOR_UNITS
 
@@ -94,6 +102,12 @@ def _iron(results: Entry, target: str, head: tuple[str, ...]) -> Iron:
     if (field := entry.get("field")).value is not None:
         lines.append(f"Length of a corrected reading: {field.number()!r} T.")
     lines += field_notes(entry)
+    if (turn := turn_deg(entry)) is not None:
+        x, y, z = (f"{angle:.2f}" for angle in turn)
+        lines.append(
+            "Corrected readings are in the magnetometer's own axes, turned by the rotation vector"
+            f" ({x}, {y}, {z}) degrees from the accelerometer's, which these parameters do not take out."
+        )
     if results.at("sensors", "magnetometer").get("thermal").value is not None:
         lines.append("The thermal model is not in this file.")
     lines += [
