@@ -94,8 +94,9 @@ def test_what_one_cannot_measure_well_is_no_outlier(tmp_path, rng):
     found = [result(k, rng, ("A",)) for k in range(40)]
     for one in found:
         for axis in "xyz":
+            value = 4e-5 * float(np.exp(rng.normal(0, 0.01)))
             entry = one["sensors"]["gyroscope"]["noise"][axis]["bias_instability"]
-            entry |= {"value": 4e-5, "low": 3.9e-5, "high": 4.1e-5}
+            entry |= {"value": value, "low": 0.97 * value, "high": 1.03 * value}
         one["checks"] = []
     odd = found[3]["sensors"]["gyroscope"]["noise"]["y"]["bias_instability"]
     odd |= {"value": 8e-5, "low": 3e-5, "high": 21e-5}  # twice the median, known to a factor of 2.6
@@ -104,6 +105,65 @@ def test_what_one_cannot_measure_well_is_no_outlier(tmp_path, rng):
     odd |= {"low": 7.8e-5, "high": 8.2e-5}
     (tmp_path / "unit-00003" / "results.json").write_text(json.dumps(found[3]))
     assert [i for i in Texts(group_page(tmp_path.resolve())).items if i.startswith("unit-00003:")]
+
+
+IRON = {"method": "ellipsoid", "field_known": True, "residual_percent": 1.0, "coverage_percent": 98.0,
+        "heading_error_after_deg": 0.3, "hard_iron": [1e-5, 2e-5, 3e-5], "interval_factor": 2.0,
+        "soft_iron": [[1.1, 0, 0], [0, 1.0, 0], [0, 0, 1.0]], "field": 48e-6,
+        "std": {"hard_iron": [1e-8] * 3, "soft_iron": [[1e-3] * 3] * 3, "field": 1e-7}}  # fmt: skip
+
+
+def compasses(root, rng, count, **changes):
+    """The page of `count` compasses of one model; a change gives the value of a device from its number."""
+    found = []
+    for k in range(count):
+        one = result(k, rng, ("C",)) | {"checks": []}
+        mine = {key: change(k) for key, change in changes.items()}
+        one["sensors"] = {"magnetometer": {"calibration": IRON | mine}}
+        found.append(one)
+    page = page_of(root, *found)
+    named = [i for i in Texts(page).items if "robust standard deviations" in i]
+    return named, re.findall(r'role="img" aria-label="([^"]*)"', page)
+
+
+def test_what_most_have_alike_has_no_outliers(tmp_path, rng):
+    named, labels = compasses(
+        tmp_path, rng, 20, coverage_percent=lambda k: 60.0 if k == 3 else 98.0 * (1 + k * 1e-16)
+    )
+    assert named == []
+    assert any("coverage of directions. 20 devices, median 98 %" in label for label in labels)
+
+
+@pytest.mark.parametrize("quantity", ["residual_percent", "heading_error_after_deg"])
+def test_a_small_error_is_no_outlier_and_a_large_one_is(tmp_path, rng, quantity):
+    around = np.exp(rng.normal(0, 0.05, 30))
+    named, _ = compasses(
+        tmp_path, rng, 30, **{quantity: lambda k: float(around[k]) * {4: 0.05, 9: 20}.get(k, 1)}
+    )
+    assert [item.split(":")[0] for item in named] == ["unit-00009"]
+    assert "above the median" in named[0]
+
+
+def soft(xx):
+    return [[xx, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]
+
+
+def test_relative_soft_irons_are_not_compared_with_scaled_ones(tmp_path, rng):
+    around = np.exp(rng.normal(0, 0.05, 30))
+    named, labels = compasses(
+        tmp_path, rng, 30,
+        soft_iron=lambda k: soft(1 + float(around[k]) * (3e-3 if k < 5 else 0.2 if k < 29 else 3.0)),
+        field_known=lambda k: k >= 5,
+    )  # fmt: skip
+    assert [item.split(":")[0] for item in named] == ["unit-00029"]
+    assert re.search(
+        r"soft iron off identity [\d.]+, \d+ robust standard deviations above", named[0]
+    )
+    (label,) = [label for label in labels if "soft iron" in label]
+    assert re.search(
+        r"25 devices, median 0\.\d+, from 0\.\d+ to \d\.\d+; 1 outlying; 5 of another scale left out",
+        label,
+    )
 
 
 def test_models_are_groups_the_needy_one_first(tmp_path, rng):

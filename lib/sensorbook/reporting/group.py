@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
 from markupsafe import Markup
 
 from sensorbook import units
@@ -29,6 +28,7 @@ from sensorbook.reporting.calibrations import (
 )
 from sensorbook.reporting.render import TEMPLATES, page
 from sensorbook.reporting.results import overall
+from sensorbook.reporting.spread import spread_of
 from sensorbook.reporting.words import SYMBOLS, judged_name
 
 LARGEST = 64 << 20  # bytes of a results.json that is read
@@ -39,9 +39,6 @@ USUAL = (
 )  # always shown; others where they are judged
 WHOLE = ("residual_percent", "coverage_percent", "heading_error_after_deg")  # of a magnetometer
 LISTED = 50  # devices named above the table
-FEWEST = 8  # devices of one model whose spread means something
-OUTLYING = 5.0  # robust standard deviations
-BINS = 24
 
 Column = tuple[str, str]  # sensor, quantity
 
@@ -68,6 +65,7 @@ class Row:
     status: str = "failed"
     verdict: str | None = None
     created: str = ""
+    relative: bool = False  # soft iron of determinant 1, as the field's strength is not known
     values: dict[Column, Value] = field(default_factory=dict)
     reasons: list[str] = field(default_factory=list)
     outlying: list[str] = field(default_factory=list)
@@ -95,7 +93,7 @@ def group_page(root: Path) -> str:
     spreads = [
         (model, found)
         for model, members in models
-        if (found := [s for c in columns if (s := _spread(members, c)) is not None])
+        if (found := [s for c in columns if (s := spread_of(members, c)) is not None])
     ]
     script = (TEMPLATES / "group.js").read_text(encoding="utf-8")
     attention = [row for row in rows if row.attention]
@@ -111,7 +109,7 @@ def group_page(root: Path) -> str:
         models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
                 for model, members in models],
         several=len(models) > 1 or bool(models and models[0][0]),
-        columns=[(*c, judged_name(*c), units.field_unit(*c)[0]) for c in columns],
+        columns=[(*c, judged_name(*c), units.field_unit(*c)[0].removesuffix("1")) for c in columns],
         count=len(rows),
         script=Markup(script),
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
@@ -156,9 +154,11 @@ def _read(folder: str, found: dict[str, Any]) -> Row:
             _take_noise(row, str(sensor), quantity, result.get("noise", {}))
         _take_calibration(row, str(sensor), result)
         calibration = result.get("calibration")
-        if isinstance(calibration, dict) and _finite(calibration.get("rms_check")):
-            held_out = calibration["rms_check"] / _scale(str(sensor), "rms_check")
-            row.values[str(sensor), "rms_check"] = Value(held_out)
+        if isinstance(calibration, dict):
+            row.relative |= calibration.get("field_known") is False
+            if _finite(calibration.get("rms_check")):
+                held_out = calibration["rms_check"] / _scale(str(sensor), "rms_check")
+                row.values[str(sensor), "rms_check"] = Value(held_out)
         for quantity in WHOLE:
             if _finite(value := whole(result, quantity)):
                 row.values[str(sensor), quantity] = Value(value / _scale(str(sensor), quantity))
@@ -269,83 +269,6 @@ def _columns(rows: Sequence[Row]) -> list[Column]:
         for quantity in dict.fromkeys((*USUAL, *sorted(q for s, q in there if s == sensor)))
         if (sensor, quantity) in there
     ]
-
-
-# ---- among devices of one model ----
-
-
-@dataclass(frozen=True)
-class Spread:
-    """How one quantity is distributed over the devices of a model."""
-
-    title: str
-    text: str
-    svg: Markup
-
-
-def _spread(members: Sequence[Row], column: Column) -> Spread | None:
-    """The distribution of a quantity; names what lies far out. None for too few devices."""
-    known = [(row, row.values[column]) for row in members if column in row.values]
-    known = [(row, v) for row, v in known if v.number > 0 and math.isfinite(v.number)]
-    if len(known) < FEWEST:
-        return None
-    logs = np.log([v.number for _, v in known])
-    middle = float(np.median(logs))
-    robust = 1.4826 * float(np.median(np.abs(logs - middle)))
-    name, unit = judged_name(*column), units.field_unit(*column)[0]
-    far = []
-    for (row, value), log in zip(known, logs, strict=True):
-        scale = math.hypot(robust, value.error)
-        if scale and abs(log - middle) > OUTLYING * scale:
-            far.append(log)
-            side = "above" if log > middle else "below"
-            row.outlying.append(
-                f"{column[0]} {name[0].lower()}{name[1:]} {value.number:.3g} {unit}, "
-                f"{abs(log - middle) / scale:.0f} robust standard deviations {side} the median "
-                f"{math.exp(middle):.3g}"
-            )
-    bounds = sorted({v.bound for _, v in known if v.bound})
-    limits = [float(bound.split()[1]) for bound in bounds]
-    low, high = np.exp([logs.min(), logs.max()])
-    title = f"{column[0].capitalize()}: {name[0].lower()}{name[1:]}"
-    text = (
-        f"{len(known)} devices, median {math.exp(middle):.3g} {unit}, from {low:.3g} to {high:.3g}"
-        + (f"; limit {', '.join(bounds)}" if bounds else "")
-        + (f"; {len(far)} outlying" if far else "")
-    )
-    return Spread(
-        title,
-        text,
-        _histogram(logs, far, [math.log(x) for x in limits if x > 0], f"{title}. {text}"),
-    )
-
-
-def _histogram(
-    logs: np.ndarray, far: Sequence[float], limits: Sequence[float], text: str
-) -> Markup:
-    """Counts on a logarithmic axis as SVG: bars, limits as dashed lines, outliers as triangles."""
-    low, high = (float(f((*logs, *limits))) for f in (min, max))
-    span = (high - low) or 0.1
-    low, high = low - 0.04 * span, high + 0.04 * span
-    counts, _ = np.histogram(logs, BINS, (low, high))
-    width, height = 320, 74
-
-    def across(x: float) -> float:
-        return round(width * (x - low) / (high - low), 1)
-
-    step = width / BINS
-    bars = "".join(
-        f"M{k * step + 0.5:.1f} {height - 10}v-{max(1.0, 52 * n / counts.max()):.1f}h{step - 1:.1f}"
-        f"v{max(1.0, 52 * n / counts.max()):.1f}z"
-        for k, n in enumerate(counts) if n
-    )  # fmt: skip
-    marks = "".join(f"M{across(x)} 2v{height - 12}" for x in limits)
-    tips = "".join(f"M{across(x) - 3} {height - 1}h6l-3 -6z" for x in far[:500])
-    return Markup(
-        '<svg viewBox="0 0 {w} {h}" role="img" aria-label="{text}"><path class="bars" d="{bars}"/>'
-        '<path class="axis" d="M0 {base}h{w}"/><path class="limit" d="{marks}"/>'
-        '<path class="far" d="{tips}"/></svg>'
-    ).format(w=width, h=height, base=height - 10, text=text, bars=bars, marks=marks, tips=tips)
 
 
 # ---- words and cells ----
