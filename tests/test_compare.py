@@ -195,6 +195,20 @@ def test_a_magnetometers_numbers(tmp_path):
     assert lines[-1].startswith("  3 of 10 numbers have changed by more than 2.8 standard errors")
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_the_field_is_compared_where_it_is_known_only(tmp_path, known):
+    """A device turned here and elsewhere has not changed."""
+    std = IRON["std"] | {"field_measured": 1e-7}
+    here = IRON | {"field_known": known, "field_measured": 49e-6, "std": std}
+    elsewhere = here | {"field": 52e-6, "field_measured": 53e-6}
+    a, b = (compass(tmp_path / f"{n}.json", c, n) for n, c in (("a", here), ("b", elsewhere)))
+    (comparison,) = compare([a, b])
+    changed = {c.quantity for c in comparison.changes if c.z}
+    assert changed == ({"field"} if known else set())
+    assert {c.quantity for c in comparison.changes} == {"hard_iron", "soft_iron"} | changed
+    assert comparison.cautions == ()
+
+
 def test_soft_irons_of_different_scale_are_not_compared(tmp_path):
     relative = IRON | {"field_known": False, "field": 46e-6}
     a, b = (compass(tmp_path / f"{n}.json", c, n) for n, c in (("a", IRON), ("b", relative)))

@@ -71,8 +71,12 @@ def compare(results: Sequence[Entry]) -> list[Comparison]:
     found = []
     for other in others:
         both = first, _numbers(other)
+        left_out = {"field_measured"}  # that of the place
+        if _fields_known(reference, other) != {True}:
+            left_out.add("field")
         if _differently_scaled(reference, other):
-            both = ({k: m for k, m in n.items() if k[1] not in _SCALED} for n in both)
+            left_out.update(_SCALED)
+        both = ({k: m for k, m in n.items() if k[1] not in left_out} for n in both)
         found.append((other, _changes(*both)))
     count = sum(change.z is not None for _, changes in found for change in changes)
     threshold = NormalDist().inv_cdf(1 - FALSE_ALARMS / (2 * max(count, 1)))
@@ -190,9 +194,13 @@ def _numbers(results: Entry) -> dict[tuple[str, str, str], Measured]:
 
 def _differently_scaled(reference: Entry, other: Entry) -> bool:
     """Whether one soft iron is scaled to the Earth's field and the other to determinant 1."""
+    return len(_fields_known(reference, other)) == 2
+
+
+def _fields_known(reference: Entry, other: Entry) -> set[bool]:
+    """Whether the strength of the field is known, of the magnetometers that are calibrated."""
     both = [r.at("sensors").get("magnetometer").get("calibration") for r in (reference, other)]
-    known = {bool(c.get("field_known").value) for c in both if c.get("method").value is not None}
-    return len(known) == 2
+    return {bool(c.get("field_known").value) for c in both if c.get("method").value is not None}
 
 
 def _calibration(sensor: Entry) -> Iterator[tuple[tuple[str, str], Measured]]:
