@@ -80,7 +80,16 @@ def test_csv_has_every_number_with_its_interval():
     assert float(one["value"]) == -0.005
     assert float(one["low"]) == pytest.approx(-0.0054)
     assert (one["field_unit"], float(one["field_value"])) == ("mrad", -5.0)
-    assert {r["quantity"] for r in rows} == {"bias", "scale_factor_error", "misalignment"}
+    with_interval = {r["quantity"] for r in rows if r["low"]}
+    assert with_interval == {"bias", "scale_factor_error", "misalignment"}
+    others = {
+        r["quantity"]: (r["axis"], float(r["value"]), r["unit"]) for r in rows if not r["low"]
+    }
+    assert others == {
+        "rms_before": ("", 0.3, "m/s^2"),
+        "rms_after": ("", 1e-3, "m/s^2"),
+        "rms_check": ("", 2e-3, "m/s^2"),
+    }
 
 
 def test_index_shows_it(tmp_path):

@@ -272,6 +272,16 @@ def test_group_page_without_limits_and_of_a_refusal():
 # ---- results.csv and the schema ----
 
 
+ALONE = {  # numbers without an interval
+    "residual_percent": (0.5, "%"), "residual_percent_check": (0.8, "%"),
+    "residual_percent_before": (12.0, "%"), "coverage_percent": (97.0, "%"),
+    "heading_error_before_deg": (23.0, "°"), "heading_error_after_deg": (0.16, "°"),
+    "heading_error_aligned_deg": (0.14, "°"), "dip_deg": (58.0, "°"),
+    "dip_spread_before_deg": (7.5, "°"), "dip_spread_calibrated_deg": (2.6, "°"),
+    "dip_spread_after_deg": (0.7, "°"),
+}  # fmt: skip
+
+
 def test_csv_has_every_number_with_its_interval():
     rows = list(csv.DictReader(io.StringIO(results.csv_text(assembled(CALIBRATION)))))
     by = {(r["quantity"], r["axis"]): r for r in rows}
@@ -280,11 +290,19 @@ def test_csv_has_every_number_with_its_interval():
         *(("soft_iron", e) for e in ("xx", "yy", "zz", "xy", "xz", "yz")),
         ("field", ""),
         ("field_measured", ""),
+        *((quantity, "") for quantity in ALONE),
     ]
+    for quantity, (value, label) in ALONE.items():
+        row = by[quantity, ""]
+        assert (float(row["field_value"]), row["field_unit"], row["low"]) == (value, label, "")
+        assert (float(row["value"]), row["unit"]) == (value, {"%": "percent", "°": "deg"}[label])
     y = by["hard_iron", "y"]
     assert (float(y["field_value"]), y["field_unit"], y["method"]) == (-30.0, "µT", "ellipsoid")
     assert float(by["soft_iron", "yz"]["low"]) == pytest.approx(0.0696)
     assert float(by["field", ""]["field_high"]) == pytest.approx(48.2)
+    nothing = assembled(CALIBRATION, heading_error_aligned_deg=None, alignment=None)
+    rows = list(csv.DictReader(io.StringIO(results.csv_text(nothing))))
+    assert not [r for r in rows if "dip" in r["quantity"] or "aligned" in r["quantity"]]
     assert results.csv_text(assembled()).splitlines() == [",".join(results.COLUMNS)]
 
 

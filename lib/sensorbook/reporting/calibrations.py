@@ -74,6 +74,22 @@ def calibration_estimates(result: dict[str, Any]) -> dict[tuple[str, str], Estim
     return found
 
 
+def without_interval(result: dict[str, Any]) -> dict[str, float]:
+    """A calibration's numbers that have no interval, of the sensor as a whole: residuals, angles, shares.
+
+    Those of a magnetometer's `alignment` are among them.
+    """
+    calibration = result.get("calibration") or {}
+    named = calibration | (calibration.get("alignment") or {})
+    return {
+        quantity: value
+        for quantity, value in named.items()
+        if quantity.startswith(("rms_", "residual_percent"))
+        or quantity.endswith(("_percent", "_deg"))
+        if isinstance(value, int | float)
+    }
+
+
 def whole(result: dict[str, Any], quantity: str) -> float | None:
     """A number of `WHOLE`; None where the calibration does not state it.
 

@@ -18,6 +18,7 @@ from sensorbook.reporting.calibrations import (
     calibration_estimates,
     judged,
     size,
+    without_interval,
 )
 
 SCHEMA = Path(__file__).with_name("results.schema.json")
@@ -157,6 +158,9 @@ def csv_text(found: dict[str, Any]) -> str:
             method = result["calibration"]["method"]
             row = (found["device"]["id"], sensor, axis, quantity, method)
             writer.writerow((*row, *_csv_row(sensor, quantity, entry)))
+        for quantity, value in without_interval(result).items():
+            row = (found["device"]["id"], sensor, "", quantity, result["calibration"]["method"])
+            writer.writerow((*row, *_csv_row(sensor, quantity, value)))
         for method, by_axis in stated.items():
             for axis in AXES:
                 entries = by_axis.get(axis) if isinstance(by_axis, dict) else None
@@ -188,11 +192,16 @@ def _csv_row(sensor: str, quantity: str, entry: Any) -> tuple | None:
     stated = numbers[0] if numbers[0] is not None else numbers[2]
     if isinstance(stated, bool) or not isinstance(stated, int | float):
         return None
-    label, scale = units.field_unit(sensor, quantity)
+    if quantity.endswith("_deg"):
+        si, label, scale = "deg", "°", 1.0
+    elif "_percent" in quantity:
+        si, label, scale = "percent", "%", 1.0
+    else:
+        si, (label, scale) = units.si_unit(sensor, quantity), units.field_unit(sensor, quantity)
     in_field = ("" if n is None else f"{n / scale:.7g}" for n in numbers)
     return (
         *("" if n is None else n for n in numbers),
-        units.si_unit(sensor, quantity),
+        si,
         *in_field,
         label,
     )
