@@ -16,7 +16,7 @@ import time
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 import numpy as np
-from scipy import stats
+from scipy import signal, stats
 
 from sensorbook.errors import Refusal
 from sensorbook.magnetometer import calibrate
@@ -43,6 +43,16 @@ def main() -> None:
     coverage(options, "60 s, consumer noise", 60.0, 1.0)
     coverage(options, "60 s, ten times that noise (1.5 % of the field)", 60.0, 10.0)
     coverage(options, "30 s, consumer noise", 30.0, 1.0)
+    coverage(
+        options,
+        "60 s, and noise of 0.3 % correlated over 2 s, its mean left in",
+        60.0,
+        1.0,
+        slow=2.0,
+    )
+    coverage(
+        options, "60 s, z twice as noisy as x and y, five times that noise", 60.0, 5.0, uneven=2.0
+    )
     coverage(options, "axis ratio 2.2", 60.0, 1.0, ratio=2.2)
     coverage(options, "axis ratio 2.2, ten times the noise", 60.0, 10.0, ratio=2.2)
     outliers(options)
@@ -50,8 +60,14 @@ def main() -> None:
     speed(options)
 
 
-def device(rng, seconds: float, louder: float, ratio: float = 1.0):
-    """Readings (N, 3) of a device turned by hand, and its iron."""
+def device(
+    rng, seconds: float, louder: float, ratio: float = 1.0, slow: float = 0.0, uneven: float = 1.0
+):
+    """Readings (N, 3) of a device turned by hand, and its iron.
+
+    `slow` adds first-order noise of 0.3 % of the field correlated over so many seconds; z is `uneven`
+    times as noisy as x and y.
+    """
     iron = draw_iron(rng, np.linalg.norm(FIELD)) | {"alignment": np.eye(3)}
     if ratio > 1:
         axes = np.array([1, rng.uniform(1, ratio), ratio]) / np.sqrt(ratio)
@@ -59,7 +75,13 @@ def device(rng, seconds: float, louder: float, ratio: float = 1.0):
         iron["soft_iron"] = turn @ np.diag(axes) @ turn.T
     true = turned(rng, round(seconds * RATE), RATE, FIELD, 9.8)["field"]
     noise = {k: louder * v for k, v in NOISE["magnetometer"].items()}
-    return noisy(rng, read_field(true, iron), RATE, noise), iron
+    clean = read_field(true, iron)
+    m = clean + (noisy(rng, clean, RATE, noise) - clean) * [1, 1, uneven]
+    if slow:
+        keep = np.exp(-1 / (slow * RATE))
+        drive = 0.003 * 48e-6 * np.sqrt(1 - keep**2) * rng.standard_normal((len(m) + 2000, 3))
+        m += signal.lfilter([1], [1, -keep], drive, axis=0)[2000:]
+    return m, iron
 
 
 def truth_of(iron: dict, known: bool) -> np.ndarray:
@@ -75,12 +97,12 @@ def interval(count: int, share: float) -> str:
     )
 
 
-def coverage(options, name: str, seconds: float, louder: float, ratio: float = 1.0) -> None:
+def coverage(options, name: str, seconds: float, louder: float, **kind: float) -> None:
     """Share of 95 % intervals that hold the truth, and of devices that are refused or reduced."""
     rng = np.random.default_rng([options.seed, 1])
     inside, refused, reduced, ours, peers, sizes = [], 0, 0, [], [], []
     for _ in range(options.devices):
-        m, iron = device(rng, seconds, louder, ratio)
+        m, iron = device(rng, seconds, louder, **kind)
         peers.append([np.linalg.norm(f(m) - iron["hard_iron"]) for f in (min_max, quadric)])
         # A field known to 0.3 %, as a site's is with a crust of its own.
         strength = np.linalg.norm(FIELD)

@@ -110,3 +110,14 @@ def field_at(site) -> Field:
         float(np.arctan2(-up, level)),
         f"the Earth's field (IGRF-14) at {place} on {date:%Y-%m-%d}",
     )
+
+
+def likely_dip(site) -> tuple[float, str]:
+    """The dip angle (rad) for a device's `[site]`, and where it comes from: as well as it is known."""
+    dip = field_at(site).dip
+    if dip is not None:
+        return dip, "of the Earth's field there"
+    latitude = (site or {}).get("latitude")
+    if latitude is None:
+        return float(np.radians(60)), "assumed, of middle latitudes"
+    return float(np.arctan(2 * np.tan(np.radians(latitude)))), "of a dipole at this latitude"

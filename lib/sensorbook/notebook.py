@@ -171,6 +171,20 @@ def load_runs(
     return source, kept, tuple(r for r in ready if r.declaration.get("check"))
 
 
+def also_read(runs: Iterable[sensorbook.Recording]) -> None:
+    """Says which recordings were read beside the chapter's own, and records them as inputs."""
+    inputs = [run.provenance() for run in runs]
+    named = ", ".join(f"{i['file']} ({i['sensor']})" for i in inputs)
+    if inputs:
+        _publish(
+            {
+                "text/markdown": f"Read beside it: {escape(named)}.",
+                "text/plain": f"Read beside it: {named}.",
+            },
+            {"inputs": inputs},
+        )
+
+
 def at_reference(calibration: Any, thermal_record: str, temperature: Any) -> Any:
     """The calibration with the temperature that its bias holds at.
 

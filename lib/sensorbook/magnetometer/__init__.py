@@ -5,6 +5,7 @@ from __future__ import annotations
 from sensorbook.earth import field_at
 from sensorbook.magnetometer.fit import calibrate
 from sensorbook.magnetometer.result import MagnetometerCalibration
+from sensorbook.magnetometer.runs import calibrate_runs, prepared
 
 __all__ = ["MagnetometerCalibration", "calibrate", "calibrate_rotation"]
 
@@ -14,5 +15,4 @@ def calibrate_rotation(recording, site=None) -> MagnetometerCalibration:
 
     `site` is a device's `[site]`; with place and date the Earth's field gives the scale.
     """
-    known = field_at(site)
-    return calibrate(recording.values, known.strength, known.std, known.source)
+    return calibrate_runs([prepared(recording)[0]], field_at(site)).fit

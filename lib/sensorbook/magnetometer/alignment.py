@@ -25,6 +25,7 @@ OWN = {  # models of a triad in words that fit an accelerometer
     "diagonal": "its own bias and scale factors",
     "hard_iron": "its own bias",
 }
+MOST_SPREAD = np.radians(5.0)  # of the dip; beyond, the two sensors do not belong together
 MOST_DILUTION = 4.0  # of the turn's error over that of attitudes all round
 
 
@@ -37,7 +38,7 @@ class Alignment:
     rotation : (3, 3) ``v_magnetometer = rotation · v_accelerometer``; the identity where the
         attitudes do not determine it
     turn : (3,) rad, its rotation vector; NaN where not determined
-    covariance : (4, 4) of the turn and the dip, rad²
+    covariance : (4, 4) of the turn and the dip, rad²; the calibrations' own errors are in it
     dof : degrees of freedom of the covariance
     dip : rad, positive where the field points down
     dips : by stage (N,) rad: "raw", both as read; "calibrated", hard and soft iron and the
@@ -58,6 +59,11 @@ class Alignment:
     def determined(self) -> bool:
         """Whether the turn between the triads is known."""
         return bool(np.isfinite(self.turn).all())
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the dip scatters so little that both sensors saw the same attitudes."""
+        return self.spreads["aligned"] < MOST_SPREAD
 
     @property
     def spreads(self) -> dict[str, float]:
@@ -132,6 +138,7 @@ def align(
     field, force : (N, 3) raw readings, T and m/s²
     gravity : m/s²
     """
+    level = None
     try:
         level = calibrate(force, gravity)
         done = f"corrected by {OWN[level.method]}"
@@ -158,9 +165,14 @@ def align(
         if np.abs(step).max() < 1e-10:
             break
     dips = {"raw": _dips(_unit(field), _unit(force)), "calibrated": before}
-    poor = np.linalg.cond(normal) > 1e10 or (
-        # All round, each component of the unit vectors across has a third of their mean square.
-        np.linalg.inv(normal / w.sum())[:3, :3].diagonal().max() > MOST_DILUTION**2 * 3
+    # An accelerometer as it reads errs by more than any turn: nothing could be said of one.
+    poor = (
+        level is None
+        or np.linalg.cond(normal) > 1e10
+        or (
+            # All round, each component of the unit vectors across has a third of their mean square.
+            np.linalg.inv(normal / w.sum())[:3, :3].diagonal().max() > MOST_DILUTION**2 * 3
+        )
     )
     if poor:
         return Alignment(np.eye(3), np.full(3, np.nan), np.full((4, 4), np.nan), 1, float(before.mean()),
@@ -169,8 +181,30 @@ def align(
     blocks = number_of_blocks(len(r), correlation_time(r))
     covariance, dof = jackknife(root * jacobian, (w * r)[:, None] * jacobian, blocks)
     matrix = Rotation.from_rotvec(turn).as_matrix()
+    gain = np.linalg.solve(normal, jacobian.T * w)
+    for fit, raw, seen in ((calibration, field, lambda v: (v, up @ matrix.T)),
+                           (level, force, lambda v: (north, v @ matrix.T))):  # fmt: skip
+        by = np.stack([gain @ change for change in _changes(fit, raw, seen)], axis=1)
+        covariance = covariance + by @ fit.covariance[:9, :9] @ by.T
     dips["aligned"] = _dips(north, up @ matrix.T)
     return Alignment(matrix, turn, covariance, dof, float(dip), dips, done)
+
+
+def _changes(fit: MagnetometerCalibration, raw: np.ndarray, seen):
+    """Nine (N,) derivatives of the dips by hard and soft iron of one sensor, by differences.
+
+    `seen` gives field and up (N, 3) from that sensor's corrected unit vectors.
+    """
+    s = fit.soft_iron / fit.field
+    corrected = (raw - fit.hard_iron) @ s
+    effect = effects(_unit(corrected), packed(fit.hard_iron, s))
+    effect[:, :, 3:] /= fit.field
+    length = np.linalg.norm(corrected, axis=1)[:, None]
+    effect[:, :, 3:] *= length[:, :, None]
+    for k, error in enumerate(np.sqrt(np.diag(fit.covariance)[:9].clip(0))):
+        step = 1e-3 * error or 1e-12  # far below what is known, where dips are straight in it
+        ahead, behind = (_unit(corrected + sign * step * effect[:, :, k]) for sign in (1, -1))
+        yield (_dips(*seen(ahead)) - _dips(*seen(behind))) / (2 * step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,11 +214,14 @@ class Heading:
     Attributes
     ----------
     before : (N,) rad, of the readings as they come
-    std : (N,) rad, standard error after correction, by the calibration's uncertainty
+    turned : (N,) rad, what the turn between the triads leaves after hard and soft iron; zero where
+        it is not known
+    std : (N,) rad, standard error after correction, by the calibration's and the turn's uncertainty
     """
 
     heading: np.ndarray
     before: np.ndarray
+    turned: np.ndarray
     std: np.ndarray
 
 
@@ -213,8 +250,13 @@ def heading_error(
     by = np.einsum("ni,nij->nj", across, effect) / np.cos(dip)
     variance = np.einsum("nj,jk,nk->n", by, calibration.covariance[:9, :9], by)
     if alignment and alignment.determined:
-        variance = variance + alignment.covariance[2, 2]
-    return Heading(psi, before, np.sqrt(variance.clip(0)))
+        # About the vertical it turns the needle; about the level axes it tips the steep field into it.
+        turned_by = np.cross(u, across) / np.cos(dip)
+        variance = variance + np.einsum(
+            "ni,ij,nj->n", turned_by, alignment.covariance[:3, :3], turned_by
+        )
+    left = np.angle(np.exp(1j * (np.arctan2(u[:, 1], u[:, 0]) - psi)))
+    return Heading(psi, before, left, np.sqrt(variance.clip(0)))
 
 
 def _unit(v: np.ndarray) -> np.ndarray:

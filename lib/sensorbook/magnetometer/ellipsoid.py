@@ -8,6 +8,7 @@ quadric is seen: a turn of the sensor's axes leaves the length of the field as i
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import nnls
 
 # Parameters in the order of every vector here: h, then the entries of S in this order.
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -158,19 +159,21 @@ def noise_slopes(m: np.ndarray, parameters: np.ndarray) -> np.ndarray:
     """(N, 9) what noise in the readings adds, on average, to ``design · residual`` of each reading.
 
     A noisy vector is longer than its mean by half the variance across it, and the derivatives at a
-    noisy reading are correlated with its residual: to second order, for noise of one variance on
-    every axis. That variance is taken from the residuals.
+    noisy reading are correlated with its residual: to second order. Each axis has a variance of its
+    own, which the squares of the residuals tell by direction.
     """
     r, u = residuals(m, parameters)
     s = unpacked(parameters)[1]
     normal = u @ s  # the residual's gradient
-    across = (np.trace(s @ s) - (normal**2).sum(axis=1)) / 2
-    step = 1e-4 / np.abs(s).max()
-    ahead, behind = m + step * normal, m - step * normal
+    variances = nnls(normal**2, r**2)[0]
+    noise = normal * variances  # covariance of a reading with its residual
+    across = ((s**2).sum(axis=0) @ variances - (normal * noise).sum(axis=1)) / 2
+    # Steps far below the readings' size, and differences far above rounding.
+    step = 1e-4 / (np.abs(s).max() * max(np.abs(noise).max(), np.finfo(float).tiny))
+    ahead, behind = m + step * noise, m - step * noise
     turn = design(residuals(ahead, parameters)[1], ahead, parameters)
     turn -= design(residuals(behind, parameters)[1], behind, parameters)
-    variance = np.mean(r**2) / np.mean((normal**2).sum(axis=1))
-    return variance * (turn / (2 * step) + design(u, m, parameters) * across[:, None])
+    return turn / (2 * step) + design(u, m, parameters) * across[:, None]
 
 
 def without_noise_bias(m: np.ndarray, parameters: np.ndarray, basis: np.ndarray) -> np.ndarray:

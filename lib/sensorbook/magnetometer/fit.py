@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,15 +32,20 @@ from sensorbook.magnetometer.ellipsoid import (
 from sensorbook.magnetometer.result import MagnetometerCalibration, scaled
 from sensorbook.magnetometer.robust import robust_ellipsoid, thinned
 from sensorbook.magnetometer.uncertainty import (
-    correlation_time,
+    HELD_OUT,
     held_out,
     jackknife,
+    longest_correlation,
     number_of_blocks,
 )
 
-FEWEST = 30  # readings
+FEWEST = 50  # readings
 FLAT_READINGS = 0.1  # thinnest over widest direction: below, readings count as those of a flat turn
 MOST_ROUGHLY = 6.0  # dilution about a plain sphere; an ellipsoid of 1 : 3, seen all over, has 4.5
+MOST_LEFT = (
+    0.06  # of the field: residual of a reduced model; more, and its neglected terms are large
+)
+HELD_OUT_LARGER = 1.5  # times the residual; above, the parts of a recording contradict each other
 STILL = 0.1  # change of the readings over their mean; of a turn with a hard iron of ten fields it is more
 NOT_ONE_FIELD = 0.15  # of the field: residuals beyond are no ellipsoid of any sensor
 MODELS = ("ellipsoid", "diagonal", "hard_iron")
@@ -79,7 +85,11 @@ class Trial:
 
 
 def calibrate(
-    values: np.ndarray, field: float | None = None, field_std: float = 0.0, field_source: str = ""
+    values: np.ndarray,
+    field: float | None = None,
+    field_std: float = 0.0,
+    field_source: str = "",
+    parts: Sequence[np.ndarray] | None = None,
 ) -> MagnetometerCalibration:
     """Hard iron, soft iron and their uncertainty from readings in many attitudes.
 
@@ -89,6 +99,7 @@ def calibrate(
     field, field_std : T, strength of the field there and its standard error; None where it is not
         known, and the soft iron is relative: its determinant is 1
     field_source : where `field` comes from, in words
+    parts : rows of `values` that are held out together; default: five stretches of the same length
 
     Returns
     -------
@@ -104,17 +115,26 @@ def calibrate(
     best = trials[-1]
     if best.reason:
         raise Refusal(*_refused(trials, x[kept], size / float(np.linalg.norm(centre))))
+    covariance = best.covariance
     r = residuals(x, best.parameters)[0]
-    check = held_out(x, best.parameters, BASES[best.model], kept)
+    if parts is None:
+        parts = np.array_split(np.arange(len(values)), HELD_OUT)
+    number = np.cumsum(finite) - 1  # of a row among the finite ones
+    parts = [number[part[finite[part]]] for part in parts]
+    check = held_out(x, best.parameters, BASES[best.model], kept, parts)
+    residual, unseen = (float(np.sqrt(np.mean(e[kept] ** 2))) for e in (r, check))
+    if unseen > HELD_OUT_LARGER * residual:
+        # Parts of the recording contradict each other more than its blocks tell.
+        covariance = covariance * (unseen / residual) ** 2
     used = np.zeros(len(values), dtype=bool)
     used[np.flatnonzero(finite)[kept]] = True
     return MagnetometerCalibration(
         method=best.model,
-        **scaled(best.parameters, best.covariance, centre, size, field, field_std),
+        **scaled(best.parameters, covariance, centre, size, field, field_std),
         field_source=field_source,
         dof=best.freedom,
-        residual=float(np.sqrt(np.mean(r[kept] ** 2))),
-        residual_check=float(np.sqrt(np.mean(check[kept] ** 2))),
+        residual=residual,
+        residual_check=unseen,
         residual_before=_residual_before(x[kept] * size + centre),
         coverage=best.coverage,
         used=used,
@@ -124,20 +144,6 @@ def calibrate(
         inflation=best.inflation,
         reduced=tuple(t.reason for t in trials[:-1]),
     )
-
-
-def by_run(runs, earth) -> dict[str, MagnetometerCalibration | Refusal]:
-    """The calibration of each recording by itself, or its refusal, by file name.
-
-    `earth` is the `Field` of their place.
-    """
-    found = {}
-    for run in runs:
-        try:
-            found[run.file] = calibrate(run.values, earth.strength, earth.std, earth.source)
-        except Refusal as refusal:
-            found[run.file] = refusal
-    return found
 
 
 def directions(values: np.ndarray) -> np.ndarray:
@@ -203,10 +209,10 @@ def _tried(model: str, x: np.ndarray, full: np.ndarray) -> Trial:
         # Of a flat turn noise makes a flat ellipsoid, on which the directions seem to be everywhere.
         roughly = dilution(_roughly(x), model)
         spread_out = max(spread_out, roughly) if roughly > MOST_ROUGHLY else spread_out
-    time = correlation_time(r)
-    blocks = number_of_blocks(len(x), time)
     jacobian = design(u, x, parameters)
     scores = jacobian * r[:, None] - noise_slopes(x, parameters)
+    time = longest_correlation(jacobian @ basis, scores @ basis)
+    blocks = number_of_blocks(len(x), time)
     covariance, freedom = jackknife(jacobian @ basis, scores @ basis, blocks)
     formal = np.mean(r**2) * np.linalg.pinv((jacobian @ basis).T @ (jacobian @ basis))
     inflation = float(np.sqrt(np.mean(np.diag(covariance)[:3] / np.diag(formal)[:3])))
@@ -238,6 +244,11 @@ def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iro
             f"{MOST_DILUTION:g} at most)"
         )
     residual = float(np.sqrt(np.mean(r**2)))
+    if model != "ellipsoid" and residual > MOST_LEFT:
+        return (
+            f"With {name} the readings miss the field by {100 * residual:.0f} % rms: what it leaves out is "
+            "not small"
+        )
     if residual > NOT_ONE_FIELD:
         return (
             "The readings lie on no ellipsoid: their distance from the nearest is "

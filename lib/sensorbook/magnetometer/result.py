@@ -85,6 +85,15 @@ class MagnetometerCalibration:
         """(3,) T, of the ellipsoid of the readings, shortest first."""
         return self.field / np.linalg.eigvalsh(self.soft_iron)[::-1]
 
+    @property
+    def measured(self) -> tuple[float, float]:
+        """Strength of the readings as they come, T, before any scale, and its standard error."""
+        inverse = np.linalg.inv(self.soft_iron)
+        strength = self.field / float(np.cbrt(np.linalg.det(self.soft_iron)))
+        by = [-strength / 3 * inverse[e] * (1 if e[0] == e[1] else 2) for e in ENTRIES]
+        by = np.r_[0, 0, 0, by, strength / self.field]
+        return strength, float(np.sqrt(max(by @ self.covariance @ by, 0)))
+
     def correct(self, raw: np.ndarray) -> np.ndarray:
         """(N, 3) corrected readings, T, of raw ones (N, 3)."""
         return (raw - self.hard_iron) @ self.soft_iron
@@ -146,6 +155,7 @@ class MagnetometerCalibration:
             "field": self.field,
             "field_known": self.field_known,
             "field_source": self.field_source,
+            "field_measured": self.measured[0],
             "residual_percent": 100 * self.residual,
             "residual_percent_check": 100 * self.residual_check,
             "residual_percent_before": 100 * self.residual_before,
@@ -155,6 +165,7 @@ class MagnetometerCalibration:
                 "hard_iron": self.std[:3],
                 "soft_iron": unpacked(self.std[:9])[1],
                 "field": self.std[9],
+                "field_measured": self.measured[1],
             },
             "interval_factor": self.interval_factor,
             "parameters": list(self.parameters),

@@ -7,12 +7,14 @@ samples are left out instead, one at a time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import fft
 
 from sensorbook.magnetometer.ellipsoid import refine, residuals
 
-MOST_BLOCKS, FEWEST_BLOCKS = 40, 10
+MOST_BLOCKS, FEWEST_BLOCKS = 40, 8
 TIMES = 10  # correlation times a block should last, so that neighbours are nearly independent
 HELD_OUT = 5  # blocks of the held-out residual
 
@@ -31,6 +33,16 @@ def correlation_time(r: np.ndarray) -> float:
     negative = np.flatnonzero(pairs <= 0)
     last = negative[0] if len(negative) else len(pairs)
     return max(1.0, float(2 * pairs[:last].sum() - 1))
+
+
+def longest_correlation(jacobian: np.ndarray, scores: np.ndarray) -> float:
+    """Longest correlation time, samples, of what the readings add to the parameters, each of (K).
+
+    That of the residuals alone is too short: noise that is slow in the sensor's axes changes its sign in
+    them with every turn, but not in the hard iron.
+    """
+    influence = scores @ np.linalg.pinv(jacobian.T @ jacobian)
+    return max(correlation_time(column) for column in influence.T)
 
 
 def number_of_blocks(count: int, time: float) -> int:
@@ -65,12 +77,16 @@ def jackknife(jacobian: np.ndarray, scores: np.ndarray, blocks: int) -> tuple[np
 
 
 def held_out(
-    m: np.ndarray, parameters: np.ndarray, basis: np.ndarray, kept: np.ndarray
+    m: np.ndarray,
+    parameters: np.ndarray,
+    basis: np.ndarray,
+    kept: np.ndarray,
+    parts: Sequence[np.ndarray],
 ) -> np.ndarray:
-    """(N,) residuals, each fifth of the recording judged by a fit to the kept ones of the others."""
+    """(N,) residuals, each of `parts` (rows) judged by a fit to the kept readings of the others."""
     r = np.empty(len(m))
-    for block in np.array_split(np.arange(len(m)), HELD_OUT):
+    for part in parts:
         others = kept.copy()
-        others[block] = False
-        r[block] = residuals(m[block], refine(m[others], parameters, basis))[0]
+        others[part] = False
+        r[part] = residuals(m[part], refine(m[others], parameters, basis))[0]
     return r

@@ -219,8 +219,20 @@ def plot_heading(
     jump = np.abs(np.diff(before, prepend=before[0])) > 180
     axes[0].plot(psi, np.where(jump, np.nan, before), color=GREY, lw=1.6)
     half = factor * np.degrees(heading.std)
-    axes[1].fill_between(psi, -half, half, color=THIRD, alpha=0.6, lw=0)
-    for a, title in zip(axes, ("as read", "corrected: 95 % band"), strict=True):
+    axes[1].fill_between(psi, -half, half, color=THIRD, alpha=0.6, lw=0, label="95 % band")
+    if heading.turned.any():
+        turned = np.degrees(heading.turned)
+        jump = np.abs(np.diff(turned, prepend=turned[0])) > 180
+        axes[1].plot(
+            psi,
+            np.where(jump, np.nan, turned),
+            color=RED,
+            lw=1.4,
+            label="turn of the triads left in",
+        )
+    axes[1].legend(fontsize=8)
+    axes[1].margins(y=0.3)
+    for a, title in zip(axes, ("as read", "corrected"), strict=True):
         a.axhline(0, color="black", lw=0.6)
         a.set_title(title, fontsize=9)
         a.set_xlabel("heading [°]")
