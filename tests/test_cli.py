@@ -14,6 +14,7 @@ import pytest
 from sensorbook import cli
 from sensorbook.export import FORMATS
 from sensorbook.reporting import chapters, execute, run
+from sensorbook.simulate import PRESETS
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from throwaway import chapter, write_device, write_notebook
@@ -78,6 +79,14 @@ def test_the_help_of_export_names_every_format(capsys, monkeypatch):
     assert cli.main(["export", "--help"]) == 0
     shown = capsys.readouterr().out
     assert all(f"{name}: " in shown for name in FORMATS)
+
+
+def test_the_help_of_simulate_tells_every_preset(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert cli.main(["simulate", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert {"ahrs", "rotation"} <= set(PRESETS)
+    assert all(f"{name}: {what}" in shown for name, what in PRESETS.items())
 
 
 def test_check_tells_every_problem_and_warnings_do_not_fail(tmp_path, capsys):

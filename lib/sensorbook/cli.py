@@ -248,6 +248,9 @@ def _parser() -> argparse.ArgumentParser:
     new.add_argument("--from", dest="files", nargs="+", required=True, metavar="FILE",
                      help="recordings of one device; copied into DIR where they lie elsewhere")  # fmt: skip
 
+    from sensorbook.simulate import PRESETS
+
+    listed = "; ".join(f"{name}: {what}" for name, what in PRESETS.items())
     simulate = command(
         "simulate",
         _simulate,
@@ -257,7 +260,7 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument("folder", metavar="DIR", help="folder to write")
     simulate.add_argument("--seed", type=_seed, default=1, metavar="N", help="default: 1")
     simulate.add_argument(
-        "--preset", default="ahrs", metavar="NAME", help="ahrs (the default), positions or phone"
+        "--preset", default="ahrs", metavar="NAME", help=f"{listed}; default: ahrs"
     )
 
     export = command(

@@ -37,6 +37,28 @@ def test_new_writes_a_commented_declaration_that_runs(log, tmp_path, capsys):
     assert (folder / "my log.csv").read_bytes() == log.read_bytes()
 
 
+@pytest.mark.parametrize(
+    ("names", "values", "limits"),
+    [
+        ("gx [deg/s],gy [deg/s],gz [deg/s]", (0.0, 0.1), ["gyroscope", "random_walk"]),
+        ("ax [g],ay [g],az [g]", (0.577, 0.001), ["accelerometer", "random_walk"]),
+        ("mx [uT],my [uT],mz [uT]", (28.0, 0.3), ["magnetometer", "residual_percent"]),
+    ],
+)
+def test_new_suggests_a_limit_of_a_sensor_that_is_there(names, values, limits, tmp_path):
+    rows = np.random.default_rng(3).normal(*values, (2000, 3))
+    rows = np.column_stack([np.arange(2000) / 100, rows])
+    np.savetxt(tmp_path / "a.csv", rows, "%.6f", ",", comments="", header=f"time [s],{names}")
+    assert main(["new", str(tmp_path / "d"), "--from", str(tmp_path / "a.csv")]) == 0
+    file = tmp_path / "d" / "device.toml"
+    head, _, tail = file.read_text(encoding="utf-8").partition("# [spec.")
+    assert tail
+    # Taken out of its comment it is a valid limit.
+    file.write_text(head + ("# [spec." + tail).replace("# ", ""), encoding="utf-8")
+    ((sensor, spec),) = sensorbook.load(tmp_path / "d").spec.items()
+    assert [sensor, *spec] == limits
+
+
 def test_new_never_overwrites(log, tmp_path, capsys):
     assert main(["new", str(tmp_path), "--from", str(log)]) == 0  # a log that is there already
     before = (tmp_path / "device.toml").read_bytes()

@@ -30,11 +30,12 @@ _TAIL = """
 # longitude = 32.78                # deg
 # height = 900.0                   # m
 # date = 2024-05-01
-
-# Limits to be judged against, named as in results.json.
-# [spec.gyroscope]
-# random_walk = { max = 0.30, unit = "deg/sqrt(h)" }
 """
+_LIMITS = {  # an example a sensor
+    "gyroscope": 'random_walk = { max = 0.30, unit = "deg/sqrt(h)" }',
+    "accelerometer": 'random_walk = { max = 0.10, unit = "mg/sqrt(Hz)" }',
+    "magnetometer": "residual_percent = { max = 2 }",
+}
 
 
 def new_device(folder: Path, files: Sequence[Path]) -> Guessed:
@@ -109,7 +110,15 @@ def device_toml(guessed: Guessed, identity: str) -> str:
         parts.append("\n[[recording]]\n" + "".join(lines))
     if guessed.left_out:
         parts.append("\n" + "".join(f"# {_comment(text)}\n" for text in guessed.left_out))
-    return "".join((*parts, _TAIL))
+    there = {recording.table["sensor"] for recording in guessed.recordings}
+    sensor = next((name for name in _LIMITS if name in there), None)
+    parts.append(_TAIL)
+    if sensor:
+        parts.append(
+            "\n# Limits to be judged against, named as in results.json.\n"
+            f"# [spec.{sensor}]\n# {_LIMITS[sensor]}\n"
+        )
+    return "".join(parts)
 
 
 def told(guessed: Guessed) -> Iterator[str]:

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.simulate import ahrs, phone, positions, rotation
-from sensorbook.simulate.folder import write
 
-PRESETS = {
+PRESETS = {  # each a module here
     "ahrs": "work A's robotics-grade AHRS: two hours at rest at 100 Hz and a temperature sweep",
     "positions": "an IMU laid down by hand in 25 attitudes, and levelled on its six faces",
     "phone": "work B's phone: six faces, 23 attitudes and a check, as a recorder's SQLite files",
     "rotation": "a magnetometer and an accelerometer turned by hand through all attitudes",
-}
-_BUILDERS = {
-    "ahrs": ahrs.build,
-    "positions": positions.build,
-    "phone": phone.build,
-    "rotation": rotation.build,
 }
 
 
@@ -36,7 +29,7 @@ def simulate(folder: str | Path, preset: str = "ahrs", seed: int = 1) -> Path:
         an unknown preset, a negative seed, or a folder that holds a device already
     """
     folder = Path(folder)
-    if preset not in _BUILDERS:
+    if preset not in PRESETS:
         raise InputError(
             Problem(
                 "simulate", "preset", f"{preset!r} is not known", f"one of {', '.join(PRESETS)}"
@@ -47,6 +40,10 @@ def simulate(folder: str | Path, preset: str = "ahrs", seed: int = 1) -> Path:
     name = folder.resolve().name
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name) or name in ("index.html", "book"):
         name = f"{preset}-demo"
-    device = _BUILDERS[preset](np.random.default_rng([seed, 0xA]), name)
-    write(device, folder)
+    from sensorbook.simulate.folder import (
+        write,
+    )  # here, as a command's help needs the presets alone
+
+    build = import_module(f"sensorbook.simulate.{preset}").build
+    write(build(np.random.default_rng([seed, 0xA]), name), folder)
     return folder
