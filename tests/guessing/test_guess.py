@@ -1,19 +1,22 @@
 """Guesses on simulated recordings in every common unit: right, or not sure."""
 
 import gzip
+import re
 
 import numpy as np
 import pandas
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 import sensorbook
 from sensorbook import InputError
 from sensorbook.guessing import guess_files
 from sensorbook.units import SENSOR_UNITS, factor
 
-from .moved import moved
+from .moved import FIELD, GRAVITY, moved
 
 UNITS = {
     "accelerometer": ["m/s^2", "g", "mg"],
@@ -70,7 +73,9 @@ def wrong(guessed, kind, sensors, units, named, stamps):
             found.append((certainty["sensor"], sensor, "sensor", table["sensor"]))
             continue
         if table["kind"] != KINDS[kind][sensor] and not (
-            kind == "trajectory" and table["kind"] == "rotation" and "gyroscope" not in sensors
+            kind == "trajectory"
+            and table["kind"] == "rotation"
+            and (sensor == "magnetometer" or "gyroscope" not in sensors)
         ):
             found.append((certainty["kind"], sensor, "kind", table["kind"]))
         si = SENSOR_UNITS[sensor]
@@ -124,6 +129,46 @@ def test_a_whole_imu_is_known_from_its_motion(tmp_path, kind, named):
         if kind != "static":
             assert found == []  # what moves shows its scale
         assert [w for w in found if w[0] in ("high", "medium")] == []
+
+
+@pytest.mark.parametrize("unit", ["uT", "gauss", "nT"])
+def test_a_compass_turned_by_hand_beside_an_imu_is_calibrated(tmp_path, unit):
+    units = {"accelerometer": "g", "gyroscope": "deg/s", "magnetometer": unit}
+    written(tmp_path / "log.csv", "trajectory", SETS[0], units, 11)
+    recordings = guess_files([tmp_path / "log.csv"]).recordings
+    kinds = {r.table["sensor"]: r.table["kind"] for r in recordings}
+    assert kinds == dict.fromkeys(SETS[0], "trajectory") | {"magnetometer": "rotation"}
+    (told,) = (g for r in recordings for g in r.guesses if g.value == "rotation")
+    assert re.fullmatch(
+        r"it turns, and sees its field in \d+ % of all directions, which calibrates it", told.reason
+    )
+    assert sensorbook.load(tmp_path / "log.csv").magnetometer.rotation.rate == pytest.approx(100)
+
+
+def test_a_compass_that_is_driven_about_is_on_a_trajectory(tmp_path):
+    """Turned through every heading, tilted by some 10°: its field lies on a band of the sphere."""
+    rng = np.random.default_rng(12)
+    time = np.arange(0, 90, 0.01)
+    knots = np.arange(0, 93, 1.5)
+    angles = CubicSpline(knots, rng.normal(0, 1, (len(knots), 3)) * [2, 0.17, 0.17])(time)
+    attitude = Rotation.from_euler("ZYX", angles)
+    turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * 100
+    seen = [
+        attitude.inv().apply(GRAVITY),
+        np.vstack([turn, turn[-1:]]),
+        attitude.inv().apply(FIELD) * 1e6,
+    ]
+    noisy = [
+        v + rng.normal(scale=s, size=v.shape) for v, s in zip(seen, (0.02, 1e-3, 0.1), strict=True)
+    ]
+    names = ["t", *(f"{letter}{axis}" for letter in "agm" for axis in "xyz")]
+    pandas.DataFrame(np.column_stack([time, *noisy]), columns=names).to_csv(
+        tmp_path / "log.csv", index=False, float_format="%.7g"
+    )
+    kinds = {
+        r.table["sensor"]: r.table["kind"] for r in guess_files([tmp_path / "log.csv"]).recordings
+    }
+    assert kinds == dict.fromkeys(SETS[0], "trajectory")
 
 
 # ---- real recordings, under their names, renamed and without a header ----

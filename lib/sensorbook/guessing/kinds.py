@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sensorbook.errors import Refusal
 from sensorbook.guessing.certainty import HIGH, LOW, MEDIUM, Guess
 from sensorbook.guessing.columns import Column
 from sensorbook.guessing.names import words_of
@@ -15,6 +16,8 @@ from sensorbook.guessing.sensors import Triple
 from sensorbook.recordings.motion import Blocks, Motion, of_field
 
 SWEEP = 5.0  # °C: less does not determine a thermal model
+THINNED = 3000  # readings that tell whether a motion suits a magnetometer's calibration
+MOST = 60.0  # % of the sphere
 
 
 def kind_of(
@@ -61,10 +64,26 @@ def kind_of(
             return Guess("kind", "six_position", MEDIUM, "six rests, each axis up and down once")
         return Guess("kind", "positions", MEDIUM, rests)
     if "gyroscope" in triples and not (sensor == "magnetometer" and motion.positions):
+        seen = _seen_all_round(triples[sensor]) if sensor == "magnetometer" else 0.0
+        if seen > MOST:
+            return Guess("kind", "rotation", MEDIUM, f"it turns, and sees its field in {seen:.0f} % of "
+                         "all directions, which calibrates it")  # fmt: skip
         return Guess("kind", "trajectory", MEDIUM, "it moves, with few rests or none")
     return Guess("kind", "rotation", MEDIUM, f"it turns, and no gyroscope goes with it: {motion.turn:.0f}° "
                  "about its middle direction" if sensor != "magnetometer" or "gyroscope" not in triples
                  else "a magnetometer moved between rests")  # fmt: skip
+
+
+def _seen_all_round(magnetometer: Triple) -> float:
+    """% of the sphere in which its field lies by turns; 0 where the readings do not determine that."""
+    from sensorbook.magnetometer import calibrate  # only here: most logs hold no moved magnetometer
+
+    values = magnetometer.finite
+    try:
+        found = calibrate(values[:: -(-len(values) // THINNED)])
+    except Refusal:
+        return 0.0
+    return found.coverage.percent if found.method == "ellipsoid" else 0.0
 
 
 def _motion(triples: Mapping[str, Triple]) -> tuple[Motion, str]:
