@@ -335,6 +335,30 @@ def test_a_magnetometers_file_in_its_own_unit(tmp_path, unit, ending):
     assert set(found["other"]) == {1.5}
 
 
+@pytest.mark.parametrize(("factor", "noted"), [
+    (1.0, ""), (1.4, ""), (0.7, ""), (10.0, "480"), (0.1, "4.8"), (1.6, "76.8"), (0.6, "28.8"),
+])  # fmt: skip
+def test_a_field_of_another_strength_is_noted(tmp_path, factor, noted):
+    """As of a file in mG where uT is declared, or one from elsewhere."""
+    rng = np.random.default_rng(5)
+    directions = rng.standard_normal((400, 3))
+    true = 48e-6 * directions / np.linalg.norm(directions, axis=1)[:, None] * factor
+    raw = np.linalg.solve(IRON["soft_iron"], true.T).T + IRON["hard_iron"]
+    raw[7] = np.nan
+    pd.DataFrame(raw * 1e6, columns=["mx", "my", "mz"]).to_csv(tmp_path / "log.csv", index=False)
+    declared = entry("magnetometer", "uT", {"x": "mx", "y": "my", "z": "mz"})
+    where = results(
+        tmp_path, inputs=[declared], magnetometer={"calibration": IRON | {"field": 48e-6}}
+    )
+    applied = apply_file(where, tmp_path / "log.csv", tmp_path / "out.csv")
+    told = (
+        f"magnetometer: corrected, the field is {noted} µT strong in the median, where the calibration "
+        "has 48 µT: the file's unit or the place is another"
+    )
+    assert applied.warnings == ((told,) if noted else ())
+    assert applied.done == ("magnetometer: hard and soft iron (ellipsoid), in uT",)
+
+
 # --- what is wrong ---
 
 

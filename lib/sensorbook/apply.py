@@ -10,10 +10,12 @@ from scipy import ndimage
 from sensorbook.calibration.model import ErrorModel
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings import Recording
+from sensorbook.recordings.checks import finite
 from sensorbook.thermal import ThermalModel
 
 CHUNK = 1 << 16  # samples whose own matrices are held at once
 EDGE = 0.1  # °C beyond the calibrated range that does not count as outside; thermometers err by it
+STRENGTH = 1.5  # of the field's strength: more is another place, or readings in another unit
 SMOOTHING = (
     30.0  # s; a die follows its housing no faster, and thermometer noise stays out of the signal
 )
@@ -99,6 +101,7 @@ def correct(
         reasons.append(f"no calibration: {calibration.get('reason', 'none was recorded')}")
     elif "soft_iron" in calibration:
         recording = _without_iron(recording, calibration)
+        notes += _of_another_strength(recording, calibration)
         steps.append(f"hard and soft iron ({calibration['method'].replace('_', ' ')})")
     else:
         recording, more = _undistort(recording, calibration, acceleration)
@@ -122,6 +125,22 @@ def _without_iron(recording: Recording, calibration: dict) -> Recording:
     except (KeyError, TypeError, ValueError) as error:
         raise _useless(recording, error) from None
     return replace(recording, values=(recording.values - hard_iron) @ soft_iron.T)
+
+
+def _of_another_strength(corrected: Recording, calibration: dict) -> list[str]:
+    """A note where corrected readings are far from the field's strength in the calibration."""
+    field = calibration.get("field")
+    lengths = np.linalg.norm(corrected.values, axis=1)
+    lengths = lengths[np.isfinite(lengths)]
+    if not (finite(field) and field > 0 and len(lengths)):
+        return []
+    strength = float(np.median(lengths))
+    if field / STRENGTH <= strength <= field * STRENGTH:
+        return []
+    return [
+        f"corrected, the field is {1e6 * strength:.3g} µT strong in the median, where the calibration has "
+        f"{1e6 * field:.3g} µT: the file's unit or the place is another"
+    ]
 
 
 def _useless(recording: Recording, error: Exception) -> InputError:
