@@ -1,6 +1,7 @@
 """`load` and `check`: what passes, and every problem with its file, key, value and mend."""
 
 import tomllib
+from datetime import date
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 import sensorbook
 from sensorbook import InputError
+from sensorbook.earth import field_at
 from sensorbook.recordings import check, from_declaration
 from sensorbook.units import factor
 
@@ -79,6 +81,26 @@ def test_truth_stands_beside_the_declaration(folder):
         sensorbook.load(path)
 
 
+@pytest.mark.parametrize(
+    "written",
+    [
+        "2024-05-01",
+        '"2024-05-01"',
+        '"2024-05-01T12:00:00Z"',
+        "2024-05-01T12:00:00",
+        "2024-05-01T12:00:00Z",
+    ],
+)
+def test_the_sites_date_is_a_date_however_it_is_written(folder, written):
+    head = f'schema = 1\nid = "a"\n[site]\nlatitude = 48.0\nlongitude = 11.0\ndate = {written}\n'
+    path = folder(head=head)
+    assert check(path) == ([], [])
+    site = sensorbook.load(path).site
+    assert type(site["date"]) is date
+    assert site == {"latitude": 48.0, "longitude": 11.0, "date": date(2024, 5, 1)}
+    assert "on 2024-05-01" in field_at(site).source
+
+
 # ---- the device as a whole: load raises ----
 
 HEADS = [
@@ -110,6 +132,14 @@ HEADS = [
      "did you mean 'random_walk'?"),
     ('schema = 1\nid = "a"\n[spec.gyroscope]\nrandom_walk = { max = "1", unit = "deg/sqrt(h)" }\n',
      "device.toml: spec.gyroscope.random_walk.max: '1' is not a finite number"),
+    ('schema = 1\nid = "a"\n[spec.magnetometer]\nresidual_percent = { max = -1 }\n',
+     "device.toml: spec.magnetometer.residual_percent.max: -1 is out of range"
+     " — write a number of 0 or more, such as 1.0"),
+    ('schema = 1\nid = "a"\n[spec.magnetometer]\ncoverage_percent = { min = 101 }\n',
+     "device.toml: spec.magnetometer.coverage_percent.min: 101 is out of range"
+     " — write a number between 0 and 100, such as 1.0"),
+    ('schema = 1\nid = "a"\n[spec.magnetometer]\nfield = { min = 60, max = 40, unit = "uT" }\n',
+     "device.toml: spec.magnetometer.field.min: 60 is above max, which is 40 — mend one of them"),
     ('schema = 1\nid = "a\n', "device.toml: is not valid TOML: "),
     ("schema = 1\nid = " + "[" * 5000 + "\n", "device.toml: is not valid TOML: "),
 ]  # fmt: skip

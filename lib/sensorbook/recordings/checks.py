@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from datetime import date
+from datetime import date, datetime
 from difflib import get_close_matches
 from pathlib import PurePosixPath, PureWindowsPath
 
@@ -72,7 +72,7 @@ def number(low: float = -math.inf, high: float = math.inf, example: str = "1.0",
             return f"{shown(value)} is not a finite number", f"write a number such as {example}"
         if not low <= value <= high or (open_low and value == low):
             limits = f"above {low:g} and at most" if open_low else f"between {low:g} and"
-            limits = f"{limits} {high:g}"
+            limits = f"{limits} {high:g}" if high < math.inf else f"of {low:g} or more"
             return f"{shown(value)} is out of range", f"write a number {limits}, such as {example}"
         return None
 
@@ -116,13 +116,21 @@ def device_id(value: object) -> Fault | None:
 
 def day(value: object) -> Fault | None:
     """A date, a time stamp or ISO text."""
-    if isinstance(value, date):  # datetime is one, too
-        return None
-    try:
-        date.fromisoformat(value[:10])
-    except (TypeError, ValueError):
+    if as_date(value) is None:
         return f"{shown(value)} is not a date", "write a date such as 2024-05-01"
     return None
+
+
+def as_date(value: object) -> date | None:
+    """The day of a date, a time stamp or ISO text; None where it is none of them."""
+    if isinstance(value, datetime):
+        return value.date()
+    if isinstance(value, date):
+        return value
+    try:
+        return date.fromisoformat(value[:10])
+    except (TypeError, ValueError):
+        return None
 
 
 def unit_fault(spelling: object, si: str) -> Fault | None:

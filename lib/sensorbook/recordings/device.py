@@ -14,7 +14,7 @@ import numpy as np
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.advice import advise, with_remedies
 from sensorbook.recordings.assemble import read_recording
-from sensorbook.recordings.checks import file_name
+from sensorbook.recordings.checks import as_date, file_name
 from sensorbook.recordings.companions import with_shared_shocks, with_temperature
 from sensorbook.recordings.images import Images, read_images
 from sensorbook.recordings.paths import resolve
@@ -122,7 +122,7 @@ class Device:
     path : the folder, or the bare recording file
     id, name : as declared; `name` is free text, to be escaped where it is shown
     model, serial : text, or None
-    site, spec : the tables of device.toml, {} where absent
+    site, spec : the tables of device.toml, {} where absent; `site["date"]` is a `datetime.date`
     declared : one `Declared` per recording, in order
     truth : what truth.json beside device.toml holds, or None
     guessed : what was guessed where the device is a bare recording file, else None
@@ -137,7 +137,7 @@ class Device:
         self.model, self.serial = (
             None if table.get(key) is None else str(table[key]) for key in ("model", "serial")
         )
-        self.site: dict = table.get("site", {})
+        self.site: dict = _with_date(table.get("site", {}))
         self.spec: dict = table.get("spec", {})
         self.declared = tuple(declared)
         self.truth = truth
@@ -321,6 +321,13 @@ def _attempt(read, *arguments):
         return read(*arguments)
     except InputError as error:
         return error
+
+
+def _with_date(site: dict) -> dict:
+    """`[site]` with its date as one, however it is written; what is none stays, and is a problem."""
+    if not isinstance(site, dict) or (day := as_date(site.get("date"))) is None:
+        return site
+    return site | {"date": day}
 
 
 def _static(read) -> bool:

@@ -6,6 +6,7 @@ with it, so that the others remain usable.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -169,13 +170,20 @@ def _limit_faults(sensor: str, quantity: str, limit: object):
         yield "", (f"{shown(limit)} is not a table", 'write { max = …, unit = "…" }')
         return
     si = si_unit(sensor, quantity)
+    most = 100 if quantity == "coverage_percent" and "unit" not in limit else math.inf
     for key, value in limit.items():
         if key in ("min", "max"):
-            yield f".{key}", checks.number()(value)
+            yield f".{key}", checks.number(0, most)(value)  # a limit is about a size
         elif key == "unit":
             yield ".unit", unit_fault(value, si)
         else:
             yield f".{key}", ("is not a key of a limit", suggest(key, ("min", "max", "unit")))
+    both = [limit.get("min"), limit.get("max")]
+    if all(map(checks.finite, both)) and both[0] > both[1]:
+        yield (
+            ".min",
+            (f"{shown(both[0])} is above max, which is {shown(both[1])}", "mend one of them"),
+        )
     if not {"min", "max"} & limit.keys():
         yield "", ("sets no limit", 'write { max = …, unit = "…" }')
     named = quantity.endswith(("_percent", "_percent_check", "_deg"))  # its name says its unit
