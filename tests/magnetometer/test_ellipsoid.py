@@ -149,12 +149,12 @@ def test_noise_slopes_are_half_the_laplacian():
     laplacian = sum(
         product(m + step * e, p) + product(m - step * e, p) - 2 * product(m, p) for e in np.eye(3)
     )
-    # Residuals that are tiny, and so the variance that the function takes from them.
+    # Residuals that are tiny, and as noise of one variance on every axis would make them.
     gradient = u @ s
-    off = 1e-5 * np.where(rng.random(40) < 0.5, 1, -1)[:, None]
-    near = m + off * gradient / (gradient**2).sum(axis=1)[:, None]
-    variance = 1e-10 / np.mean((gradient**2).sum(axis=1))
-    found = noise_slopes(near, p) / variance
+    size = np.linalg.norm(gradient, axis=1)[:, None]
+    off = 1e-5 * np.where(rng.random(40) < 0.5, 1, -1)[:, None] * size
+    near = m + off * gradient / size**2
+    found = noise_slopes(near, p) / 1e-10
     # 1e-5 off the ellipsoid; the difference quotient is good to step².
     np.testing.assert_allclose(found, laplacian / step**2 / 2, rtol=0, atol=1e-3)
 

@@ -116,8 +116,9 @@ def test_a_turn_of_the_axes(made, fit):
     turn = Rotation.random(rng=np.random.default_rng(4)).as_matrix()
     other = calibrate(made[0] @ turn.T)
     np.testing.assert_array_equal(other.used, fit.used)
-    np.testing.assert_allclose(other.hard_iron / FIELD, turn @ fit.hard_iron / FIELD, atol=1e-8)
-    np.testing.assert_allclose(other.soft_iron, turn @ fit.soft_iron @ turn.T, rtol=0, atol=1e-8)
+    # The noise is told for each axis, which are others now: its own small correction differs.
+    np.testing.assert_allclose(other.hard_iron / FIELD, turn @ fit.hard_iron / FIELD, atol=1e-5)
+    np.testing.assert_allclose(other.soft_iron, turn @ fit.soft_iron @ turn.T, rtol=0, atol=5e-5)
 
 
 def test_an_offset(made, fit):
@@ -277,18 +278,18 @@ def test_a_turn_about_one_axis(degrees):
             calibrate(read(rng, u, iron_of(rng)))
 
 
-@pytest.mark.parametrize("count", [0, 1, 29])
+@pytest.mark.parametrize("count", [0, 1, 49])
 def test_too_few_readings(count):
     m = exact(np.random.default_rng(10), iron_of(np.random.default_rng(11)), count)
     with pytest.raises(Refusal) as caught:
         calibrate(m)
-    assert caught.value.reason == f"{count} different readings are too few; 30 are needed."
+    assert caught.value.reason == f"{count} different readings are too few; 50 are needed."
     assert caught.value.remedy == "Turn the device slowly through all attitudes for a minute."
 
 
 def test_the_same_few_readings_again_and_again():
     m = exact(np.random.default_rng(12), iron_of(np.random.default_rng(13)), 20)
-    with pytest.raises(Refusal, match=r"^20 different readings are too few; 30 are needed\."):
+    with pytest.raises(Refusal, match=r"^20 different readings are too few; 50 are needed\."):
         calibrate(np.tile(m, (100, 1)))
 
 
