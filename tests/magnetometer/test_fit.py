@@ -115,10 +115,14 @@ def test_order_of_the_axes(made, fit, order):
 def test_a_turn_of_the_axes(made, fit):
     turn = Rotation.random(rng=np.random.default_rng(4)).as_matrix()
     other = calibrate(made[0] @ turn.T)
-    np.testing.assert_array_equal(other.used, fit.used)
-    # The noise is told for each axis, which are others now: its own small correction differs.
-    np.testing.assert_allclose(other.hard_iron / FIELD, turn @ fit.hard_iron / FIELD, atol=1e-5)
-    np.testing.assert_allclose(other.soft_iron, turn @ fit.soft_iron @ turn.T, rtol=0, atol=5e-5)
+    # Slow stretches and the noise are told by axis, which are others now: a small part of the error.
+    error = fit.std.max()
+    np.testing.assert_allclose(
+        other.hard_iron, turn @ fit.hard_iron, rtol=0, atol=0.3 * fit.std[:3].max()
+    )
+    np.testing.assert_allclose(
+        other.soft_iron, turn @ fit.soft_iron @ turn.T, rtol=0, atol=0.3 * error
+    )
 
 
 def test_an_offset(made, fit):
@@ -131,12 +135,11 @@ def test_an_offset(made, fit):
 
 def test_time_backward(made, fit):
     other = calibrate(made[0][::-1])
-    np.testing.assert_array_equal(other.used, fit.used[::-1])
-    np.testing.assert_allclose(other.hard_iron / FIELD, fit.hard_iron / FIELD, atol=1e-8)
-    np.testing.assert_allclose(other.soft_iron, fit.soft_iron, rtol=0, atol=1e-8)
-    # Blocks lie one or two readings differently where their number does not divide the readings'.
-    np.testing.assert_allclose(other.std, fit.std, rtol=0.15)
-    assert other.residual_check == pytest.approx(fit.residual_check, rel=1e-6)
+    # Blocks begin at the other end: slow stretches and errors are told a little differently.
+    assert np.mean(other.used != fit.used[::-1]) < 0.01
+    assert (np.abs(other.values - fit.values) <= 0.3 * fit.std).all()
+    np.testing.assert_allclose(other.std, fit.std, rtol=0.3)
+    assert other.residual_check == pytest.approx(fit.residual_check, rel=0.02)
 
 
 def test_the_same_twice(made, fit):

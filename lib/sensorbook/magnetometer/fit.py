@@ -110,19 +110,26 @@ def calibrate(
     Refusal
         too few readings, readings on no ellipsoid, or a motion that determines none of the models
     """
-    finite, centre, size, kept, trials = _attempted(values)
+    finite, centre, size, kept, fitted, trials = _attempted(values)
     x = (np.asarray(values, dtype=float)[finite] - centre) / size
     best = trials[-1]
     if best.reason:
         raise Refusal(*_refused(trials, x[kept], size / float(np.linalg.norm(centre))))
     covariance = best.covariance
     r = residuals(x, best.parameters)[0]
-    if parts is None:
-        parts = np.array_split(np.arange(len(values)), HELD_OUT)
     number = np.cumsum(finite) - 1  # of a row among the finite ones
-    parts = [number[part[finite[part]]] for part in parts]
-    check = held_out(x, best.parameters, BASES[best.model], kept, parts)
-    residual, unseen = (float(np.sqrt(np.mean(e[kept] ** 2))) for e in (r, check))
+    if parts is None:
+        # Of a long rest few readings count: as many that do in each part.
+        edges = [part[-1] + 1 for part in np.array_split(np.flatnonzero(fitted), HELD_OUT)[:-1]]
+        parts = np.split(np.arange(len(x)), edges)
+    else:
+        parts = [number[part[finite[part]]] for part in parts]
+    u = residuals(x, best.parameters)[1]
+    check = held_out(x, best.parameters, BASES[best.model], kept, parts,
+                     lambda rows: dilution(u[rows & fitted], best.model) < 2 * MOST_DILUTION)  # fmt: skip
+    judged = kept & np.isfinite(check)
+    residual = float(np.sqrt(np.mean(r[kept] ** 2)))
+    unseen = float(np.sqrt(np.mean(check[judged] ** 2))) if judged.any() else np.nan
     if unseen > HELD_OUT_LARGER * residual:
         # Parts of the recording contradict each other more than its blocks tell.
         covariance = covariance * (unseen / residual) ** 2
@@ -152,7 +159,7 @@ def directions(values: np.ndarray) -> np.ndarray:
     Of the finite rows of `values` (N, 3), by the model that `calibrate` ends with; raises its `Refusal`
     for too few.
     """
-    finite, centre, size, _, trials = _attempted(values)
+    finite, centre, size, _, _, trials = _attempted(values)
     x = (np.asarray(values, dtype=float)[finite] - centre) / size
     if trials[-1].reason:
         return _roughly(x)
@@ -168,7 +175,7 @@ def _roughly(x: np.ndarray) -> np.ndarray:
 
 
 def _attempted(values: np.ndarray):
-    """Finite rows (N,), centre (3,) and size of the readings, which are kept, and the models tried."""
+    """Finite rows (N,), centre (3,) and size of the readings, kept and fitted ones, the models tried."""
     finite = np.isfinite(values).all(axis=1)
     m = np.asarray(values, dtype=float)[finite]
     different = len(np.unique(m, axis=0))
@@ -191,7 +198,7 @@ def _attempted(values: np.ndarray):
         trials.append(_tried(model, x[fitted & kept], full))
         if not trials[-1].reason:
             break
-    return finite, centre, size, kept, trials
+    return finite, centre, size, kept, fitted, trials
 
 
 def _residual_before(m: np.ndarray) -> float:

@@ -31,7 +31,8 @@ class MagnetometerCalibration:
     field_source : where `field` comes from, in words
     dof : degrees of freedom of the covariance
     residual, residual_check, residual_before : rms of ``‖true‖ / field − 1``: of the readings used;
-        held out, a fifth of the recording at a time; as read, about its mean
+        held out, a fifth of the recording at a time
+        (NaN where what remains determines nothing); as read, about its mean
     coverage : of the sphere by the directions of the corrected field
     used : (N,) which readings the fit rests on
     dilution : error of a corrected reading in the worst direction, over that of readings all over
@@ -157,7 +158,9 @@ class MagnetometerCalibration:
             "field_source": self.field_source,
             "field_measured": self.measured[0],
             "residual_percent": 100 * self.residual,
-            "residual_percent_check": 100 * self.residual_check,
+            "residual_percent_check": None
+            if np.isnan(self.residual_check)
+            else 100 * self.residual_check,
             "residual_percent_before": 100 * self.residual_before,
             "coverage_percent": self.coverage.percent,
             "dilution": self.dilution,

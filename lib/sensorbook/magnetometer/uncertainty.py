@@ -7,7 +7,7 @@ samples are left out instead, one at a time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy import fft
@@ -82,11 +82,16 @@ def held_out(
     basis: np.ndarray,
     kept: np.ndarray,
     parts: Sequence[np.ndarray],
+    determined: Callable[[np.ndarray], bool] = lambda rows: True,
 ) -> np.ndarray:
-    """(N,) residuals, each of `parts` (rows) judged by a fit to the kept readings of the others."""
-    r = np.empty(len(m))
+    """(N,) residuals, each of `parts` (rows) judged by a fit to the kept readings of the others.
+
+    NaN where the others do not determine a fit, by `determined` of their mask (N,).
+    """
+    r = np.full(len(m), np.nan)
     for part in parts:
         others = kept.copy()
         others[part] = False
-        r[part] = residuals(m[part], refine(m[others], parameters, basis))[0]
+        if determined(others):
+            r[part] = residuals(m[part], refine(m[others], parameters, basis))[0]
     return r
