@@ -137,7 +137,7 @@ def test_time_backward(made, fit):
     other = calibrate(made[0][::-1])
     # Blocks begin at the other end: slow stretches and errors are told a little differently.
     assert np.mean(other.used != fit.used[::-1]) < 0.01
-    assert (np.abs(other.values - fit.values) <= 0.3 * fit.std).all()
+    assert (np.abs(other.values - fit.values) <= 0.5 * fit.std).all()
     np.testing.assert_allclose(other.std, fit.std, rtol=0.3)
     assert other.residual_check == pytest.approx(fit.residual_check, rel=0.02)
 

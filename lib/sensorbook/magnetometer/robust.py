@@ -45,8 +45,8 @@ def thinned(m: np.ndarray) -> np.ndarray:
     """Which of the readings (N, 3), in the order of time, to fit (N,): of a long rest every so many.
 
     A device that lies still for most of a recording would else decide alone what is near, and what
-    errs there in common would count as often. A rest counts for a hundredth of the readings in motion;
-    it is where these move, over half a block, by less than a fifth of what they do when turned.
+    errs there in common would count as often. A rest counts for a fortieth of the readings in motion; it
+    is where these move, over half a block, by less than a fifth of what they do when turned.
     """
     kept = np.ones(len(m), dtype=bool)
     blocks = m[: len(m) // NEIGHBOURS * NEIGHBOURS].reshape(-1, NEIGHBOURS, 3)
@@ -55,7 +55,7 @@ def thinned(m: np.ndarray) -> np.ndarray:
     low, high = np.quantile(blocks, [0.25, 0.75], axis=1)  # outliers do not make a rest a motion
     moved = (high - low).max(axis=1)
     still = moved < 0.2 * np.quantile(moved, 0.95)
-    most = max(NEIGHBOURS, np.count_nonzero(~still) * NEIGHBOURS // 100)
+    most = max(4 * NEIGHBOURS, np.count_nonzero(~still) * NEIGHBOURS // 40)
     edges = np.flatnonzero(np.diff(still, prepend=False, append=False)) * NEIGHBOURS
     for start, end in edges.reshape(-1, 2):
         if end - start > most:
