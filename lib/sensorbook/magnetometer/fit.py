@@ -45,6 +45,7 @@ MOST_ROUGHLY = 6.0  # dilution about a plain sphere; an ellipsoid of 1 : 3, seen
 MOST_LEFT = (
     0.06  # of the field: residual of a reduced model; more, and its neglected terms are large
 )
+ROUNDING = 1e-9  # of the field: residuals below are those of readings without noise
 HELD_OUT_LARGER = 1.5  # times the residual; above, the parts of a recording contradict each other
 STILL = 0.1  # change of the readings over their mean; of a turn with a hard iron of ten fields it is more
 NOT_ONE_FIELD = 0.15  # of the field: residuals beyond are no ellipsoid of any sensor
@@ -110,13 +111,12 @@ def calibrate(
     Refusal
         too few readings, readings on no ellipsoid, or a motion that determines none of the models
     """
-    finite, centre, size, kept, fitted, trials = _attempted(values)
-    x = (np.asarray(values, dtype=float)[finite] - centre) / size
-    best = trials[-1]
+    made = _attempted(values)
+    x, kept, best = made.x, made.kept, made.trials[-1]
     if best.reason:
-        raise Refusal(*_refused(trials, x[kept], size / float(np.linalg.norm(centre))))
-    covariance = best.covariance
-    r = residuals(x, best.parameters)[0]
+        raise Refusal(*_refused(made))
+    finite, fitted, covariance = made.finite, made.fitted, best.covariance
+    r, u = residuals(x, best.parameters)
     number = np.cumsum(finite) - 1  # of a row among the finite ones
     if parts is None:
         # Of a long rest few readings count: as many that do in each part.
@@ -124,32 +124,31 @@ def calibrate(
         parts = np.split(np.arange(len(x)), edges)
     else:
         parts = [number[part[finite[part]]] for part in parts]
-    u = residuals(x, best.parameters)[1]
     check = held_out(x, best.parameters, BASES[best.model], kept, parts,
                      lambda rows: dilution(u[rows & fitted], best.model) < 2 * MOST_DILUTION)  # fmt: skip
     judged = kept & np.isfinite(check)
     residual = float(np.sqrt(np.mean(r[kept] ** 2)))
     unseen = float(np.sqrt(np.mean(check[judged] ** 2))) if judged.any() else np.nan
-    if unseen > HELD_OUT_LARGER * residual:
+    if unseen > HELD_OUT_LARGER * max(residual, ROUNDING):
         # Parts of the recording contradict each other more than its blocks tell.
         covariance = covariance * (unseen / residual) ** 2
     used = np.zeros(len(values), dtype=bool)
     used[np.flatnonzero(finite)[kept]] = True
     return MagnetometerCalibration(
         method=best.model,
-        **scaled(best.parameters, covariance, centre, size, field, field_std),
+        **scaled(best.parameters, covariance, made.centre, made.size, field, field_std),
         field_source=field_source,
         dof=best.freedom,
         residual=residual,
         residual_check=unseen,
-        residual_before=_residual_before(x[kept] * size + centre),
+        residual_before=_residual_before(x[kept] * made.size + made.centre),
         coverage=best.coverage,
         used=used,
         dilution=best.dilution,
         blocks=best.blocks,
         correlation=best.correlation,
         inflation=best.inflation,
-        reduced=tuple(t.reason for t in trials[:-1]),
+        reduced=tuple(t.reason for t in made.trials[:-1]),
     )
 
 
@@ -159,11 +158,10 @@ def directions(values: np.ndarray) -> np.ndarray:
     Of the finite rows of `values` (N, 3), by the model that `calibrate` ends with; raises its `Refusal`
     for too few.
     """
-    finite, centre, size, _, _, trials = _attempted(values)
-    x = (np.asarray(values, dtype=float)[finite] - centre) / size
-    if trials[-1].reason:
-        return _roughly(x)
-    return residuals(x, trials[-1].parameters)[1]
+    made = _attempted(values)
+    if made.trials[-1].reason:
+        return _roughly(made.x)
+    return residuals(made.x, made.trials[-1].parameters)[1]
 
 
 def _roughly(x: np.ndarray) -> np.ndarray:
@@ -174,8 +172,29 @@ def _roughly(x: np.ndarray) -> np.ndarray:
     return residuals(x, sphere(x, FLAT_READINGS))[1]
 
 
-def _attempted(values: np.ndarray):
-    """Finite rows (N,), centre (3,) and size of the readings, kept and fitted ones, the models tried."""
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """The models tried on a recording.
+
+    Attributes
+    ----------
+    finite : (N,) rows that are
+    centre, size : (3,), T, of the readings
+    x : (M, 3) the finite rows less `centre` over `size`
+    fitted, kept : (M,) which rows stand for all (`thinned`), and which are not set aside
+    trials : from the fullest model to the last that was needed
+    """
+
+    finite: np.ndarray
+    centre: np.ndarray
+    size: float
+    x: np.ndarray
+    fitted: np.ndarray
+    kept: np.ndarray
+    trials: list[Trial]
+
+
+def _attempted(values: np.ndarray) -> _Attempt:
     finite = np.isfinite(values).all(axis=1)
     m = np.asarray(values, dtype=float)[finite]
     different = len(np.unique(m, axis=0))
@@ -198,7 +217,7 @@ def _attempted(values: np.ndarray):
         trials.append(_tried(model, x[fitted & kept], full))
         if not trials[-1].reason:
             break
-    return finite, centre, size, kept, fitted, trials
+    return _Attempt(finite, centre, size, x, fitted, kept, trials)
 
 
 def _residual_before(m: np.ndarray) -> float:
@@ -275,23 +294,23 @@ def _reason(model: str, r: np.ndarray, spread_out: float, error: float, hard_iro
     return ""
 
 
-def _refused(trials: list[Trial], x: np.ndarray, change: float) -> tuple[str, str]:
-    """Reason and remedy where no model is determined.
-
-    `change` is the size of the readings' cloud over its distance from the origin.
-    """
+def _refused(made: _Attempt) -> tuple[str, str]:
+    """Reason and remedy where no model is determined."""
+    change = made.size / max(float(np.linalg.norm(made.centre)), np.finfo(float).tiny)
     if change < STILL:
         return (
             f"The readings hardly change, by {100 * change:.2g} % of their mean: the device lay still.",
             "Turn it slowly through all attitudes, for a minute or two.",
         )
-    for trial in trials:
+    for trial in made.trials:
         if trial.reason.startswith("The readings lie on no"):
             return (
                 trial.reason + ".",
                 "Turn it in one place, a metre from iron, cables and loudspeakers, with nothing magnetic "
                 "beside it that is not always part of the device.",
             )
-    what, remedy = motion_in_words(coverage(_roughly(x)))
-    reason = f"{trials[0].reason}; less is not determined either" + (f": {what}." if what else ".")
+    what, remedy = motion_in_words(coverage(_roughly(made.x[made.kept])))
+    reason = f"{made.trials[0].reason}; less is not determined either" + (
+        f": {what}." if what else "."
+    )
     return reason, remedy or "Turn it more slowly and longer, through all attitudes."

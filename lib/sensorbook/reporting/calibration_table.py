@@ -87,6 +87,9 @@ def _cells(
         before = result.get("calibration", {}).get(_BEFORE.get(quantity, ""))
         if value is not None:
             note = "" if before is None else f"{before / scale:.3g} as recorded"
+            aligned = result["calibration"].get("heading_error_aligned_deg")
+            if quantity == "heading_error_after_deg" and aligned is not None:
+                note += f", {aligned:.2g} aligned"
             cells.append(_cell("", f"{value / scale:.3g}", note, checks))
     if not cells:
         for axis in dict.fromkeys(c["axis"] for c in checks):
