@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("--devices", type=int, default=1000)
     options = parser.parse_args()
     coverage(options, "60 s, consumer noise", 60.0, 1.0)
-    coverage(options, "60 s, ten times that noise (1.5 % of the field)", 60.0, 10.0)
+    coverage(options, "60 s, ten times that noise (9 % of the field)", 60.0, 10.0)
     coverage(options, "30 s, consumer noise", 30.0, 1.0)
     coverage(
         options,
