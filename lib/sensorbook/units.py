@@ -142,6 +142,7 @@ _QUANTITY_UNITS = {
     "rms_before": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
     "rms_after": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
     "rms_check": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
+    "rms_check_recording": (("rad/s", "°/s"), ("m/s^2", "mg"), ("T", "µT")),
     "residual_percent": (None, None, ("percent", "%")),
     "residual_percent_check": (None, None, ("percent", "%")),
     "coverage_percent": (None, None, ("percent", "%")),

