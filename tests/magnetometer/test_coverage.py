@@ -15,14 +15,13 @@ from sensorbook.magnetometer.coverage import (
     even_directions,
     motion_in_words,
     neglected,
-    unit_design,
 )
 from sensorbook.magnetometer.ellipsoid import (
     BASES,
     ENTRIES,
+    design,
     packed,
     refine,
-    residuals,
     sphere,
     unpacked,
 )
@@ -167,14 +166,6 @@ def test_errors_by_direction_of_hard_iron_alone():
     np.testing.assert_allclose(errors_by_direction(covariance), 3, rtol=1e-12)
 
 
-def test_unit_design_is_the_ellipsoid_s():
-    from sensorbook.magnetometer.ellipsoid import design
-
-    u = anywhere(np.random.default_rng(5), 30)
-    p = packed(np.zeros(3), np.eye(3))
-    np.testing.assert_allclose(unit_design(u), design(residuals(u, p)[1], u, p), atol=1e-12)
-
-
 # ---- what a reduced model neglects ----
 
 CONTRASTS = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])
@@ -246,7 +237,7 @@ def test_words_of_a_hole():
 
 def test_entries_agree_with_the_design():
     u = np.array([[0.6, 0.0, 0.8]])
-    quadratic = dict(zip(ENTRIES, unit_design(u)[0, 3:], strict=True))
+    quadratic = dict(zip(ENTRIES, design(u, u, packed(np.zeros(3), np.eye(3)))[0, 3:], strict=True))
     assert quadratic[0, 0] == pytest.approx(0.36)
     assert quadratic[0, 2] == pytest.approx(0.96)  # 2 · 0.6 · 0.8
     assert quadratic[0, 1] == 0

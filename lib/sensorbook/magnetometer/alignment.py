@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from sensorbook.errors import Refusal
 from sensorbook.magnetometer.coverage import effects
-from sensorbook.magnetometer.ellipsoid import packed, spread
+from sensorbook.magnetometer.ellipsoid import bisquare, packed
 from sensorbook.magnetometer.fit import calibrate
 from sensorbook.magnetometer.result import MagnetometerCalibration
 from sensorbook.magnetometer.uncertainty import correlation_time, jackknife, number_of_blocks
@@ -155,7 +155,7 @@ def align(
         across = np.cross(turned, north)
         across /= np.maximum(np.linalg.norm(across, axis=1), 1e-3)[:, None]
         jacobian = np.hstack([across, np.ones((len(r), 1))])
-        w = _bisquare(r)
+        w = bisquare(r)
         normal = jacobian.T @ (w[:, None] * jacobian)
         if np.linalg.cond(normal) > 1e10:
             break
@@ -243,8 +243,8 @@ def heading_error(
     raw = np.linalg.solve(s, calibration.field * u.T).T + h
     before = np.angle(np.exp(1j * (np.arctan2(raw[:, 1], raw[:, 0]) - psi)))
     # Level, a corrected vector's error across the horizontal field turns the heading.
-    effect = effects(u, packed(h, s / calibration.field)) / calibration.field
-    effect[:, :, :3] *= calibration.field
+    effect = effects(u, packed(h, s / calibration.field))
+    effect[:, :, 3:] /= calibration.field
     across = np.stack([-np.sin(psi), np.cos(psi), np.zeros_like(psi)], axis=1) @ turn.T
     # A parameter's share is its effect on the unit vector: per T of hard iron, per 1 of soft iron.
     by = np.einsum("ni,nij->nj", across, effect) / np.cos(dip)
@@ -266,8 +266,3 @@ def _unit(v: np.ndarray) -> np.ndarray:
 def _dips(field: np.ndarray, up: np.ndarray) -> np.ndarray:
     """(N,) rad, how far the field (N, 3) points below the plane across `up` (N, 3), unit vectors."""
     return np.arcsin(np.clip(-(field * up).sum(axis=1), -1, 1))
-
-
-def _bisquare(r: np.ndarray) -> np.ndarray:
-    scale = spread(r)
-    return np.ones_like(r) if scale == 0 else np.clip(1 - (r / (4.685 * scale)) ** 2, 0, None) ** 2

@@ -8,11 +8,13 @@ from functools import cache
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sensorbook.magnetometer.ellipsoid import BASES, ENTRIES, packed, unpacked
+from sensorbook.magnetometer.ellipsoid import BASES, ENTRIES, design, packed, unpacked
 
 NEAR = np.radians(15.0)  # a direction counts as seen where a reading is within
 MOST_DILUTION = 4.0  # times the error that readings all over the sphere leave
-MOST_HARD_IRON = 0.05  # of the field: error of the hard iron by what a reduced model neglects
+MOST_HARD_IRON = (
+    0.05  # of the field: standard error of the hard iron, with what a reduced model neglects
+)
 MOST_ERROR = 0.10  # of the field: 95 % error of a corrected reading in the worst direction
 # What a reduced model neglects, as standard deviations: soft iron of a sensor on a board is a few
 # per cent, scale factors of uncalibrated ones differ by up to a tenth (data sheets of AMR and
@@ -76,12 +78,6 @@ def even_directions(count: int = 1000) -> np.ndarray:
     return np.stack([level * np.cos(turn), level * np.sin(turn), z], axis=1)
 
 
-def unit_design(u: np.ndarray) -> np.ndarray:
-    """(N, 9) derivatives of ``‖S (m − h)‖`` at h = 0, S = 1 for directions `u` (N, 3)."""
-    quadratic = [u[:, i] * u[:, j] * (1 if i == j else 2) for i, j in ENTRIES]
-    return np.hstack([-u, np.stack(quadratic, axis=1)])
-
-
 def errors_by_direction(covariance: np.ndarray, parameters: np.ndarray = IDEAL) -> np.ndarray:
     """Standard error of the corrected unit vector in each of `even_directions`.
 
@@ -119,7 +115,7 @@ def _even(model: str) -> float:
 
 def _worst(u: np.ndarray, model: str) -> float:
     basis = BASES[model]
-    a = unit_design(u) @ basis
+    a = design(u, u, IDEAL) @ basis
     normal = a.T @ a / len(a)
     if np.linalg.cond(normal) > 1e10:
         return np.inf
@@ -140,7 +136,7 @@ def neglected(u: np.ndarray, model: str) -> np.ndarray:
         contrast = np.zeros((9, 2))
         contrast[3:6] = np.array([[1, -1, 0], [1, 1, -2]]).T / np.sqrt([2, 6])
         left_out = np.hstack([contrast * SCALE, left_out])
-    basis, a = BASES[model], unit_design(u)
+    basis, a = BASES[model], design(u, u, IDEAL)
     # Readings that truly hold d (left_out) are fitted by basis · alias · d: the error is the difference.
     shift = basis @ np.linalg.lstsq(a @ basis, a @ left_out, rcond=None)[0] - left_out
     return shift @ shift.T

@@ -133,7 +133,7 @@ def refine(
     parameters, damping = start, 1e-9
     r, u = residuals(m, parameters)
     for _ in range(steps):
-        w = _bisquare(r) if robust else np.ones_like(r)
+        w = bisquare(r) if robust else np.ones_like(r)
         jacobian = design(u, m, parameters) @ basis
         normal = jacobian.T @ (w[:, None] * jacobian)
         slope = jacobian.T @ (w * r)
@@ -195,7 +195,8 @@ def spread(r: np.ndarray) -> float:
     return 1.4826 * float(np.median(np.abs(r)))
 
 
-def _bisquare(r: np.ndarray) -> np.ndarray:
+def bisquare(r: np.ndarray) -> np.ndarray:
+    """Tukey's weights of residuals (N,): c = 4.685, in robust standard deviations."""
     scale = spread(r)
     if scale == 0:
         return np.ones_like(r)
