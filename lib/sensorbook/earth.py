@@ -1,4 +1,7 @@
-"""The Earth at a place: gravity and rotation (WGS 84), and its magnetic field (IGRF)."""
+"""The Earth at a place: gravity and rotation (WGS 84), its magnetic field (IGRF), time and the Sun.
+
+Thin over ppigrf (the IGRF) and ERFA (the IAU's Standards of Fundamental Astronomy), which need no network.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime, time
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 STANDARD_GRAVITY = 9.80665  # m/s², exact (CGPM 1901)
 LOWEST_GRAVITY, HIGHEST_GRAVITY = (
@@ -92,24 +96,44 @@ def field_at(site) -> Field:
         return Field(
             None, 0.0, None, f"not known: the IGRF holds from {first} to {end}, not in {date.year}"
         )
-    import ppigrf  # only here: a quarter of a second, and most commands need no field
-
     latitude, longitude = site["latitude"], site["longitude"]
-    # At a pole east has no direction; 10 cm away the field is the same.
-    latitude = min(max(latitude, -90 + 1e-6), 90 - 1e-6)
-    parts = ppigrf.igrf(longitude, latitude, site.get("height", 0.0) / 1000, date)
-    east, north, up = (1e-9 * float(np.ravel(part)[0]) for part in parts)
+    place = np.radians(latitude), np.radians(longitude), site.get("height", 0.0)
+    north, east, down = field_in_ned(*place, date)
     level = np.hypot(east, north)
     place = ", ".join(
         f"{abs(angle):.4g}° {'NE'[k] if angle >= 0 else 'SW'[k]}"
         for k, angle in enumerate((latitude, longitude))
     )
     return Field(
-        float(np.hypot(level, up)),
+        float(np.hypot(level, down)),
         FIELD_STD,
-        float(np.arctan2(-up, level)),
+        float(np.arctan2(down, level)),
         f"the Earth's field (IGRF-14) at {place} on {date:%Y-%m-%d}",
     )
+
+
+def field_in_ned(
+    latitude: ArrayLike, longitude: ArrayLike, height: ArrayLike, date: ArrayLike
+) -> np.ndarray:
+    """The Earth's field (…, 3), T, north, east, down, by the IGRF at geodetic places and one date.
+
+    Latitude and longitude in rad, height in m above WGS 84, to thousands of km; `date` is anything
+    `datetime64` takes. It is the core's field: the crust adds 0.14 µT on the ground, and currents in
+    the ionosphere and beyond add 0.02 to 0.1 µT in orbit, more in magnetic storms.
+    """
+    import ppigrf  # only here: a quarter of a second, and most commands need no field
+
+    date = np.datetime64(date, "us")
+    year = date.astype("datetime64[Y]").astype(int) + 1970
+    if not FIELD_YEARS[0] <= year < FIELD_YEARS[1]:
+        first, end = FIELD_YEARS
+        raise ValueError(f"date is {date}: the IGRF holds from {first} to {end}")
+    # At a pole east has no direction; 10 cm away the field is the same.
+    degrees = np.clip(np.degrees(latitude), -90 + 1e-6, 90 - 1e-6)
+    places = np.broadcast_arrays(np.degrees(longitude), degrees, np.asarray(height) / 1000)
+    east, north, up = ppigrf.igrf(*(place.ravel() for place in places), date.item())
+    field = 1e-9 * np.stack([north, east, -up], axis=-1)
+    return field.reshape(*places[0].shape, 3)
 
 
 def likely_dip(site) -> tuple[float, str]:
@@ -121,3 +145,57 @@ def likely_dip(site) -> tuple[float, str]:
     if latitude is None:
         return float(np.radians(60)), "assumed, of middle latitudes"
     return float(np.arctan(2 * np.tan(np.radians(latitude)))), "of a dipole at this latitude"
+
+
+def meridian_radius(latitude: ArrayLike) -> np.ndarray:
+    """Radius of curvature of WGS 84 along the meridian, m, at a geodetic latitude, rad."""
+    sine = np.sin(latitude)
+    return _SEMI_MAJOR * (1 - _ECCENTRICITY_SQUARED) / (1 - _ECCENTRICITY_SQUARED * sine**2) ** 1.5
+
+
+def terrestrial_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Terrestrial time of UTC times, as ERFA's Julian date in two parts; leap seconds to 2017."""
+    import erfa  # only here: most commands need no sky
+
+    return erfa.taitt(*erfa.utctai(*universal_time(time)))
+
+
+def universal_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """UTC times as ERFA's Julian date in two parts, which is UT1 as well to 0.9 s."""
+    time = np.asarray(time, dtype="datetime64[us]")
+    if np.isnat(time).any() or (time < np.datetime64("1972-01-01")).any():
+        raise ValueError(
+            "time is missing or before 1972, when UTC began: give UTC, as 2024-05-01T12:00"
+        )
+    day = time.astype("datetime64[D]")
+    fraction = (time - day).astype(float) / 86400e6
+    return 2440587.5 + day.astype(float), fraction
+
+
+def sidereal_angle(time: ArrayLike) -> np.ndarray:
+    """Greenwich's apparent sidereal angle, rad, of UTC times (IAU 2006/2000A), to 0.9 s of UT1 − UTC.
+
+    >>> round(float(np.degrees(sidereal_angle("2000-01-01T12:00"))), 2)  # the Sun's mean longitude there
+    280.46
+    """
+    import erfa
+
+    return erfa.gst06a(*universal_time(time), *terrestrial_time(time))
+
+
+def sun_direction(time: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """Unit vector (…, 3) to the Sun as it is seen, inertial (GCRS), at UTC times (…).
+
+    From an inertial `position` (…, 3), m, of the satellite: at GEO it is 0.016° off that from the
+    Earth's centre. ERFA's Earth (`epv00`, within 14 km of JPL's DE405 from 1900 to 2100: 0.02″) with
+    the aberration by the Earth's motion, 20.5″; that by the satellite's own, up to 5″, is left out.
+    """
+    import erfa
+
+    tt = terrestrial_time(time)
+    heliocentric, barycentric = erfa.epv00(*tt)
+    to_sun = -heliocentric["p"] - np.asarray(position, dtype=float) / erfa.DAU
+    distance = np.linalg.norm(to_sun, axis=-1)
+    velocity = barycentric["v"] * erfa.DAU / erfa.DAYSEC / erfa.CMPS
+    slowed = np.sqrt(1 - (velocity**2).sum(axis=-1))
+    return erfa.ab(to_sun / distance[..., None], velocity, distance, slowed)
