@@ -22,7 +22,7 @@ REASONS = (
     "the measured vectors are parallel: the rotation about them is not determined",
     "the reference vectors are parallel: the rotation about them is not determined",
     "fewer than two vectors have a weight: the rotation about one is not determined",
-    "the vectors contradict each other, or one outweighs all others: more than one attitude fits equally well",
+    "the vectors contradict each other, or one outweighs all others: more than one attitude fits them",
 )
 OK, ZERO, NOT_FINITE, MEASURED_PARALLEL, REFERENCE_PARALLEL, UNWEIGHTED, CONTRADICTORY = range(
     len(REASONS)

@@ -9,8 +9,8 @@ differ in speed, in how they teach, and in what they need.
 >>> turned = davenport([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]], reference, sigma=[1e-3, 1e-3])
 >>> turned.quaternion.round(6)  # by 90° about z
 array([0.      , 0.      , 0.707107, 0.707107])
->>> np.degrees(np.sqrt(np.diag(turned.covariance))).round(3)  # z is seen twice
-array([0.057, 0.057, 0.041])
+>>> np.degrees(np.sqrt(np.diag(turned.covariance))).round(3)  # both see a turn about x
+array([0.041, 0.057, 0.057])
 """
 
 from __future__ import annotations
