@@ -275,7 +275,7 @@ def _columns(array: np.ndarray, batch: tuple[int, ...], size: int, own: int) -> 
     if array.ndim == own or size == 1:
         return np.ascontiguousarray(array.reshape(array.shape[-own:])[..., None])
     array = np.broadcast_to(array, (*batch, *array.shape[-own:]))
-    flat = array.reshape(size, -1).T
+    flat = array.reshape(size, int(np.prod(array.shape[-own:]))).T
     return np.ascontiguousarray(flat).reshape(*array.shape[-own:], size)
 
 
