@@ -5,6 +5,7 @@ Thin over ppigrf (the IGRF) and ERFA (the IAU's Standards of Fundamental Astrono
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from datetime import datetime, time
 
@@ -154,10 +155,15 @@ def meridian_radius(latitude: ArrayLike) -> np.ndarray:
 
 
 def terrestrial_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Terrestrial time of UTC times, as ERFA's Julian date in two parts; leap seconds to 2017."""
+    """Terrestrial time of UTC times, as ERFA's Julian date in two parts.
+
+    The last leap second known is that of 2017; one to come would make the time a second more.
+    """
     import erfa  # only here: most commands need no sky
 
-    return erfa.taitt(*erfa.utctai(*universal_time(time)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", erfa.ErfaWarning)  # "dubious year": said above
+        return erfa.taitt(*erfa.utctai(*universal_time(time)))
 
 
 def universal_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -187,13 +193,16 @@ def sun_direction(time: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)) -> np.
     """Unit vector (…, 3) to the Sun as it is seen, inertial (GCRS), at UTC times (…).
 
     From an inertial `position` (…, 3), m, of the satellite: at GEO it is 0.016° off that from the
-    Earth's centre. ERFA's Earth (`epv00`, within 14 km of JPL's DE405 from 1900 to 2100: 0.02″) with
-    the aberration by the Earth's motion, 20.5″; that by the satellite's own, up to 5″, is left out.
+    Earth's centre. ERFA's Earth (`epv00`, within 14 km of JPL's DE405 from 1900 to 2100: 0.02″; later
+    it is less and less exact) with the aberration by the Earth's motion, 20.5″; that by the satellite's
+    own, up to 5″, is left out.
     """
     import erfa
 
     tt = terrestrial_time(time)
-    heliocentric, barycentric = erfa.epv00(*tt)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", erfa.ErfaWarning)  # after 2100: said above
+        heliocentric, barycentric = erfa.epv00(*tt)
     to_sun = -heliocentric["p"] - np.asarray(position, dtype=float) / erfa.DAU
     distance = np.linalg.norm(to_sun, axis=-1)
     velocity = barycentric["v"] * erfa.DAU / erfa.DAYSEC / erfa.CMPS

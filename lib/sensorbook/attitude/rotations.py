@@ -129,9 +129,11 @@ def euler_from_matrix(sequence: str, matrix: ArrayLike) -> np.ndarray:
     if symmetric:
         second = np.arctan2(-sign * left[..., i, k], left[..., i, i])
         third = np.arctan2(-sign * left[..., k, j], left[..., j, j])
+        second = np.abs(second)  # below 0, or −π, by rounding only
     else:
         second = np.arctan2(sign * left[..., k, i], left[..., k, k])
         third = np.arctan2(sign * left[..., i, j], left[..., j, j])
+        second = np.clip(second, -np.pi / 2, np.pi / 2)  # beyond by rounding only
     return np.stack([first, second, third], axis=-1)
 
 
