@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _report(arguments: argparse.Namespace) -> int:
     from sensorbook.reporting.chapters import CHAPTERS
 
-    known = [chapter.slug for chapter in CHAPTERS]
+    known = [chapter.slug for chapter in CHAPTERS if chapter.needs_device]
     if unknown := [slug for slug in arguments.only or () if slug not in known]:
         print(
             f"sensorbook report: --only: no chapter {', '.join(map(repr, unknown))};"

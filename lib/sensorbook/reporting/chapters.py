@@ -11,17 +11,17 @@ INERTIAL_AND_MAGNETIC = ("accelerometer", "gyroscope", "magnetometer")
 
 @dataclass(frozen=True)
 class Chapter:
-    """One notebook that is run for every sensor with recordings of its kind.
+    """One notebook that is run for every sensor with recordings of its kind, or for itself alone.
 
     Parameters
     ----------
     slug : names its page and record, and `--only`
     notebook : its file
     title : as the reports show it
-    kind : kind of recording it reads
-    sensors : sensors it is for
+    kind : kind of recording it reads; "" for a chapter that needs no device
+    sensors : sensors it is for; none for a chapter that needs no device
     needs : slugs of the chapters whose records it reads, as the parameters `<slug>_record`
-    result : key of its main result under `sensors.<sensor>` in results.json
+    result : key of its main result under `sensors.<sensor>` in results.json; "" for none there
     """
 
     slug: str
@@ -31,6 +31,11 @@ class Chapter:
     sensors: tuple[str, ...]
     needs: tuple[str, ...]
     result: str
+
+    @property
+    def needs_device(self) -> bool:
+        """False where it has no recording to read: such a chapter stands in the book alone."""
+        return bool(self.kind)
 
 
 CHAPTERS = (
@@ -114,5 +119,41 @@ CHAPTERS = (
         sensors=("magnetometer",),
         needs=("thermal",),
         result="calibration",
+    ),
+    Chapter(
+        slug="sensor_principles",
+        notebook=NOTEBOOKS / "10_sensor_principles.ipynb",
+        title="Sensor principles and error sources",
+        kind="",
+        sensors=(),
+        needs=(),
+        result="",
+    ),
+    Chapter(
+        slug="representations",
+        notebook=NOTEBOOKS / "11_representations_and_frames.ipynb",
+        title="Representations and frames",
+        kind="",
+        sensors=(),
+        needs=(),
+        result="",
+    ),
+    Chapter(
+        slug="attitude_sensors",
+        notebook=NOTEBOOKS / "12_attitude_sensors.ipynb",
+        title="Attitude sensors",
+        kind="",
+        sensors=(),
+        needs=(),
+        result="",
+    ),
+    Chapter(
+        slug="attitude_from_vectors",
+        notebook=NOTEBOOKS / "13_attitude_from_vectors.ipynb",
+        title="Attitude from vectors",
+        kind="",
+        sensors=(),
+        needs=(),
+        result="",
     ),
 )
