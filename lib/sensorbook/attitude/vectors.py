@@ -26,7 +26,7 @@ LEAST_ANGLE = 1e-7
 # rounding divided by it; two vectors of equal weight θ apart have θ²/2.
 LEAST_GAP = 1e-11
 
-_NEWTON, _RAYLEIGH, _SQUARINGS = 40, 4, 48
+_NEWTON, _RAYLEIGH, _SQUARINGS = 40, 12, 48  # at most
 
 
 def triad(
@@ -194,8 +194,11 @@ def quest(
         k = _davenport_matrix(profile)
         largest = _largest_root(profile)
         for _ in range(_RAYLEIGH):
-            largest = _quadratic(k, _quest_vector(profile, largest))
-        quaternion = np.stack(_quest_vector(profile, largest))
+            quaternion = np.stack(_quest_vector(profile, largest))
+            before, largest = largest, _quadratic(k, quaternion)
+            # Cubic: where the quotient moves by less, the quaternion is good to rounding.
+            if not np.any(np.abs(largest - before) > 1e-15):
+                break
         gaps = _gaps(k, quaternion)
         if (second := gaps < 0).any():
             values, vectors = np.linalg.eigh(_stacked(k)[second])
