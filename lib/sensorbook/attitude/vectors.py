@@ -142,8 +142,9 @@ def davenport_power(
 ) -> Solution:
     """Davenport's q-method by normalised power iteration (3.37), shifted and squared.
 
-    C iterates q ← K q / ‖K q‖, which finds the eigenvalue of largest modulus: where noise is large
-    that can be the most negative one. K + (Σw) I has none below zero, and squaring it n times makes
+    C iterates q ← K q / ‖K q‖, which finds the eigenvalue of largest modulus. With two vectors the most
+    negative one is as large, and the iteration never settles; with more and much noise it can be
+    larger. K + (Σw) I has none below zero, and squaring it n times makes
     2ⁿ of C's steps: vectors a hundredth of a degree apart need 32 squarings, not five thousand
     million steps.
 
