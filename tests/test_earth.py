@@ -1,11 +1,22 @@
-"""The Earth's magnetic field at a place, against published values."""
+"""The Earth's magnetic field at a place, time and the Sun, against published values."""
 
+import warnings
 from datetime import date
 
+import erfa
 import numpy as np
 import pytest
 
-from sensorbook.earth import FIELD_STD, field_at
+from sensorbook.earth import (
+    FIELD_STD,
+    field_at,
+    field_in_ned,
+    meridian_radius,
+    sidereal_angle,
+    sun_direction,
+    terrestrial_time,
+    universal_time,
+)
 
 # NOAA/NCEI and BGS, test values of the World Magnetic Model 2020 (TR, table 6) and 2025
 # (WMM2025_TEST_VALUES.txt): date, height km, latitude, longitude; X, Y, Z, F in nT; dip, deg.
@@ -120,3 +131,176 @@ def test_longitude_counts_either_way():
     site = {"latitude": -20.0, "date": date(2024, 5, 1)}
     west = field_at(site | {"longitude": -120.0})
     assert field_at(site | {"longitude": 240.0}).strength == pytest.approx(west.strength, rel=1e-9)
+
+
+# --- the field as a vector, at many places ---
+
+
+@pytest.mark.parametrize("row", PUBLISHED, ids=lambda row: f"{row[0].year} {row[2:4]} {row[1]} km")
+def test_field_in_ned_as_published(row):
+    day, height, latitude, longitude, *north_east_down, _, _ = row
+    found = field_in_ned(np.radians(latitude), np.radians(longitude), 1000 * height, day)
+    # The two models differ by up to some 20 nT a component.
+    assert 1e9 * found == pytest.approx(north_east_down, abs=25)
+
+
+def test_field_in_ned_is_field_at_in_batches():
+    day = date(2024, 5, 1)
+    latitudes, longitudes = np.meshgrid([-90.0, -33.9, 0.0, 48.0, 90.0], [-180.0, 11.0, 100.0])
+    field = field_in_ned(np.radians(latitudes), np.radians(longitudes), 500e3, day)
+    assert field.shape == (3, 5, 3)
+    for place in np.ndindex(latitudes.shape):
+        site = {"latitude": latitudes[place], "longitude": longitudes[place], "height": 500e3}
+        one = field_at(site | {"date": day})
+        north, east, down = field[place]
+        assert one.strength == pytest.approx(np.linalg.norm(field[place]), rel=1e-12)
+        assert one.dip == pytest.approx(np.arctan2(down, np.hypot(north, east)), abs=1e-12)
+    assert field_in_ned(0.1, 0.2, 0.0, "2024-05-01").shape == (3,)
+    assert field_in_ned([0.1, 0.2], 0.2, [0.0, 400e3], "2024-05-01").shape == (2, 3)
+
+
+def test_at_the_poles_north_turns_with_the_longitude():
+    zero, quarter = field_in_ned(np.pi / 2, [0.0, np.pi / 2], 0.0, "2024-05-01")
+    # What is east at 0° is south at 90° E, and what is north at 0° is east there.
+    assert quarter == pytest.approx([-zero[1], zero[0], zero[2]], abs=1e-12)
+    assert np.hypot(*zero[:2]) > 1e-6
+
+
+@pytest.mark.parametrize("day", ["1899-12-31", "2030-01-01", "2500-01-01"])
+def test_field_in_ned_outside_the_model(day):
+    with pytest.raises(ValueError, match="the IGRF holds from 1900 to 2030"):
+        field_in_ned(0.1, 0.2, 0.0, day)
+
+
+# --- time ---
+
+
+@pytest.mark.parametrize(
+    ("time", "seconds"),  # TT − UTC = 32.184 s + leap seconds (IERS Bulletin C)
+    [
+        ("1972-01-01", 42.184),
+        ("1992-10-13", 59.184),
+        ("2016-12-31T23:59:59", 68.184),
+        ("2017-01-01", 69.184),
+        ("2080-06-01", 69.184),
+    ],
+)
+def test_terrestrial_time(time, seconds):
+    ours, theirs = universal_time(time), terrestrial_time(time)
+    off = 86400 * ((theirs[0] - ours[0]) + (theirs[1] - ours[1]))
+    assert off == pytest.approx(seconds, abs=1e-9)
+
+
+def test_universal_time_is_the_julian_date():
+    day, fraction = universal_time(["2000-01-01T12:00", "2024-05-01T06:00"])
+    assert (day + fraction).tolist() == [2451545.0, 2460431.75]
+
+
+@pytest.mark.parametrize("time", ["1971-12-31T23:59:59", "NaT", ["2024-01-01", "NaT"]])
+@pytest.mark.parametrize(
+    "function", [universal_time, terrestrial_time, sidereal_angle, sun_direction]
+)
+def test_a_time_before_utc_or_missing(function, time):
+    with pytest.raises(
+        ValueError, match="time is missing or before 1972, when UTC began: give UTC"
+    ):
+        function(time)
+
+
+def test_sidereal_angle_as_published():
+    """Meeus, Astronomical Algorithms, example 12.a: 13h 10m 46.1351s, for UT1."""
+    published = 360 / 24 * (13 + 10 / 60 + 46.1351 / 3600)
+    # 0.0001 s is what is printed; the IAU's theories of 1980 and 2006 differ by 0.004 s.
+    assert np.degrees(sidereal_angle("1987-04-10")) == pytest.approx(
+        published, abs=15 * 0.006 / 3600
+    )
+
+
+def test_years_to_come_give_no_warnings():
+    times = np.array(["2040-01-01", "2150-01-01"], dtype="datetime64[s]")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.isfinite(sun_direction(times)).all()
+        assert np.isfinite(sidereal_angle(times)).all()
+
+
+# --- the Sun ---
+
+
+def of_date(direction, time):
+    """Right ascension and declination, rad, from the equator and equinox of date."""
+    x, y, z = erfa.pnm06a(*terrestrial_time(time)) @ direction
+    return np.arctan2(y, x) % (2 * np.pi), np.arcsin(z)
+
+
+def test_sun_as_published():
+    """Meeus, example 25.b: 1992 October 13, 0h TD: α = 198.378178°, δ = −7.783871°, apparent."""
+    time = np.datetime64("1992-10-13T00:00:00") - np.timedelta64(59184, "ms")
+    right_ascension, declination = of_date(sun_direction(time), time)
+    # Nutation of 1980, VSOP87 in FK5 and an aberration of constant size there: 0.3″.
+    arcsecond = 1 / 3600
+    assert np.degrees(right_ascension) == pytest.approx(198.378178, abs=0.3 * arcsecond)
+    assert np.degrees(declination) == pytest.approx(-7.783871, abs=0.3 * arcsecond)
+
+
+@pytest.mark.parametrize(
+    ("time", "right_ascension"),  # equinoxes and solstices, to the minute (USNO)
+    [
+        ("2024-03-20T03:06", 0.0),
+        ("2024-06-20T20:51", 90.0),
+        ("2024-09-22T12:44", 180.0),
+        ("2024-12-21T09:20", 270.0),
+    ],
+)
+def test_sun_at_equinoxes_and_solstices(time, right_ascension):
+    found, declination = of_date(sun_direction(time), time)
+    # Half a minute of the Sun's way, 0.04″ a second.
+    off = (np.degrees(found) - right_ascension + 180) % 360 - 180
+    assert off == pytest.approx(0, abs=0.001)
+    expected = 23.4364 * np.sin(np.radians(right_ascension))
+    assert np.degrees(declination) == pytest.approx(expected, abs=0.003)  # 9″ of nutation
+
+
+def test_sun_from_a_satellite():
+    """At right angles to the Sun the parallax is r / AU, towards the Earth's side."""
+    time = "2024-05-01T12:00"
+    centre = sun_direction(time)
+    across = np.cross(centre, [0, 0, 1.0])
+    across /= np.linalg.norm(across)
+    radius = 42_164e3
+    seen = sun_direction(time, radius * across)
+    assert np.degrees(np.arccos(seen @ centre)) == pytest.approx(
+        np.degrees(radius / 149_597_870_700) / 1.0076, rel=1e-3
+    )  # the Sun was 1.0076 AU away
+    assert seen @ across < 0
+    # The true direction is 1e-4 rad of aberration off: 3e-8 of parallax is left.
+    assert sun_direction(time, radius * centre) == pytest.approx(centre, abs=3e-8)
+
+
+def test_aberration_is_20_arcseconds_forward():
+    times = np.datetime64("2024-01-01") + np.arange(0, 366, 5).astype("timedelta64[D]")
+    seen = sun_direction(times)
+    heliocentric, barycentric = erfa.epv00(*terrestrial_time(times))
+    true = -heliocentric["p"] / np.linalg.norm(heliocentric["p"], axis=1, keepdims=True)
+    angle = np.degrees(np.linalg.norm(np.cross(true, seen), axis=1)) * 3600
+    # κ = 20.4955″ (IAU), ± 1.7 % with the Earth's speed
+    assert angle == pytest.approx(20.4955, rel=0.02)
+    assert (((seen - true) * barycentric["v"]).sum(axis=1) > 0).all()
+    assert np.linalg.norm(seen, axis=1) == pytest.approx(1, abs=1e-15)
+
+
+def test_sun_in_batches():
+    times = np.array([["2024-05-01", "2024-06-01"]], dtype="datetime64[s]")
+    assert sun_direction(times).shape == (1, 2, 3)
+    assert sun_direction("2024-05-01").shape == (3,)
+    assert sun_direction("2024-05-01", np.zeros((5, 3))).shape == (5, 3)
+    assert sun_direction(times, np.zeros((4, 1, 3))).shape == (4, 2, 3)
+
+
+# --- the ellipsoid ---
+
+
+def test_meridian_radius():
+    """(1 − e²) a at the equator, a / √(1 − e²) at the poles (NIMA TR8350.2: c = 6 399 593.6258 m)."""
+    assert meridian_radius(0.0) == pytest.approx(6335439.3273, abs=1e-3)
+    assert meridian_radius([np.pi / 2, -np.pi / 2]) == pytest.approx(6399593.6258, abs=1e-3)

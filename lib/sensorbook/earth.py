@@ -163,7 +163,10 @@ def terrestrial_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", erfa.ErfaWarning)  # "dubious year": said above
-        return erfa.taitt(*erfa.utctai(*universal_time(time)))
+        day, fraction = universal_time(time)
+        # From midnight on: ERFA would stretch the days that end with a leap second.
+        midnight, offset = erfa.utctai(day, 0.0)
+        return erfa.taitt(midnight, offset + fraction)
 
 
 def universal_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
