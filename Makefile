@@ -1,16 +1,20 @@
-# `make report|test|lab|bench|format`: all use .venv, which is made here when it is missing.
+# `make report|book|test|lab|bench|format`: all use .venv, which is made here when it is missing.
 
 SHELL := /bin/bash
 PYTHON ?= python3
 BIN := .venv/bin
 DEMOS := data/ahrs-demo data/positions-demo data/rotation-demo
 
-.PHONY: report test lab bench format
+.PHONY: report book test lab bench format
 .DELETE_ON_ERROR:
 
 report: .venv/.installed $(DEMOS:%=%/device.toml)
 	$(BIN)/sensorbook report $(DEMOS) --out reports
 	@echo "Open $(CURDIR)/reports/index.html"
+
+book: .venv/.installed $(DEMOS:%=%/device.toml)
+	$(BIN)/sensorbook book $(DEMOS) --out reports
+	@echo "Open $(CURDIR)/reports/book/index.html"
 
 data/%-demo/device.toml: | .venv/.installed
 	$(BIN)/sensorbook simulate data/$*-demo --preset $*

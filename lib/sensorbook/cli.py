@@ -69,6 +69,12 @@ def _report(arguments: argparse.Namespace) -> int:
     )
 
 
+def _book(arguments: argparse.Namespace) -> int:
+    from sensorbook.reporting.book import book
+
+    return book(arguments.paths, arguments.out, jobs=arguments.jobs, debug=arguments.debug)
+
+
 def _check(arguments: argparse.Namespace) -> int:
     from sensorbook.guessing import told
     from sensorbook.recordings import check_device
@@ -226,6 +232,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument(
         "--junit", metavar="FILE", help="write JUnit XML: a test case a chapter and a limit"
+    )
+
+    book = command(
+        "book",
+        _book,
+        "render every chapter once, in reading order, each on the first device that feeds it, there on"
+        " the gyroscope where it can be",
+        "sensorbook book data/ahrs-demo data/positions-demo data/rotation-demo --out reports",
+    )
+    book.add_argument("paths", nargs="+", metavar="DEVICE", help="folder with a device.toml")
+    book.add_argument(
+        "--out", default="reports", metavar="DIR", help="the book is DIR/book; default: reports"
+    )
+    book.add_argument(
+        "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
     )
 
     check = command(

@@ -106,10 +106,13 @@ def fault(notebook: Path, error: Exception) -> Outcome:
 
 
 def record_of(
-    outcome: Outcome, chapter: Chapter, sensor: str, about: dict[str, Any]
+    outcome: Outcome, chapter: Chapter, sensor: str | None, about: dict[str, Any] | None
 ) -> dict[str, Any]:
-    """The chapter's record: what its notebook recorded, with where it belongs and how it ended."""
-    device = {key: about[key] for key in ("id", "name", "model", "serial")}
+    """The chapter's record: what its notebook recorded, with where it belongs and how it ended.
+
+    `sensor` and the device that `about` describes are None for a chapter that needs no device.
+    """
+    device = about and {key: about[key] for key in ("id", "name", "model", "serial")}
     inputs: list[dict] = []
     warnings: list[dict] = []
     found: dict[str, Any] = {}

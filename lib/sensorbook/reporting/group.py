@@ -111,6 +111,7 @@ def group_page(root: Path) -> str:
         several=len(models) > 1 or bool(models and models[0][0]),
         columns=[(*c, judged_name(*c), units.field_unit(*c)[0].removesuffix("1")) for c in columns],
         count=len(rows),
+        book=(root / "book" / "index.html").is_file(),
         script=Markup(script),
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         group_style=Markup((TEMPLATES / "group.css").read_text(encoding="utf-8")),

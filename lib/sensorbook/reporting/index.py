@@ -90,7 +90,7 @@ def _chapter_card(chapter: dict[str, Any], folder: Path) -> dict[str, Any]:
         for key, value in chapter.get("parameters", {}).items()
         if value and key.removesuffix("_record") in titles
     ]
-    return chapter | {"thumbnail": _thumbnail(folder / chapter["notebook"]), "after": read}
+    return chapter | {"thumbnail": thumbnail(folder / chapter["notebook"]), "after": read}
 
 
 def _doubtful(guesses: list[dict[str, str]]) -> list[str]:
@@ -271,7 +271,7 @@ def _input_row(recording: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def _thumbnail(notebook: Path) -> dict[str, str] | None:
+def thumbnail(notebook: Path) -> dict[str, str] | None:
     """The first figure meant for the index, scaled down: `source` and `alt` of an image."""
     try:
         cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]

@@ -63,8 +63,14 @@ def environment() -> jinja2.Environment:
     return made
 
 
-def chapter_page(notebook: nbformat.NotebookNode, record: dict[str, Any]) -> str:
-    """The page of an executed notebook, up to where it refused; `record` is the chapter's."""
+def chapter_page(
+    notebook: nbformat.NotebookNode, record: dict[str, Any], book: dict[str, Any] | None = None
+) -> str:
+    """The page of an executed notebook, up to where it refused; `record` is the chapter's.
+
+    In the book, `book` holds the chapter's `number` and its neighbours `previous` and `next`: each a
+    (slug, title) with a page, or None.
+    """
     exporter = _exporter()
     exporter.headings = []
     last = next((i for i, cell in enumerate(notebook.cells) if _refused(cell)), None)
@@ -73,7 +79,9 @@ def chapter_page(notebook: nbformat.NotebookNode, record: dict[str, Any]) -> str
     body = body.replace("<th></th>", "<td></td>")  # an empty header is read out as one
     title = next((text for level, _, text in exporter.headings if level == 1), record["title"])
     contents = [heading for heading in exporter.headings if heading[0] in (2, 3)]
-    return page("chapter", title=title, contents=contents, body=Markup(body), record=record)
+    return page(
+        "chapter", title=title, contents=contents, body=Markup(body), record=record, book=book
+    )
 
 
 def page(template: str, **shown: Any) -> str:

@@ -1,0 +1,179 @@
+"""The book: every chapter once, in reading order, each on the first device that feeds it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TextIO
+
+import nbformat
+
+from sensorbook.reporting import chapters, execute, group, index, render
+from sensorbook.reporting.chapters import Chapter
+from sensorbook.reporting.tree import Tree
+from sensorbook.reporting.work import (
+    KINDS,
+    Said,
+    Source,
+    Task,
+    open_source,
+    same_ids,
+    side_by_side,
+    work_off,
+)
+
+FOLDER = "book"
+
+
+def book(
+    paths: Iterable[str],
+    out: str,
+    jobs: int | None = None,
+    debug: bool = False,
+    stdout: TextIO | None = None,
+    stderr: TextIO | None = None,
+) -> int:
+    """Renders the book into `out`/book; returns the exit code: 0 done, 1 that something failed.
+
+    A chapter is shown on the first device that has recordings for it, there on the gyroscope or else
+    on the first of the chapter's sensors. A device with a problem has nothing rendered: an earlier book
+    stands, rather than one without the chapters that the device would have fed.
+    """
+    said = Said(stdout or sys.stdout, stderr or sys.stderr, debug)
+    opened = [open_source(Path(path), said) for path in paths]
+    devices = [device for device in opened if device is not None]
+    if same_ids(devices, said) or said.problems:
+        return 1
+    try:
+        with Tree(out) as tree:
+            if any(tree.root / FOLDER == device.path for device in devices):
+                raise OSError(f"{tree.root / FOLDER} holds recordings: choose another --out")
+            _render(devices, tree, Path(out), jobs or os.cpu_count() or 1, said)
+    except OSError as error:
+        said.problem(f"{error.filename}: {error.strerror}" if error.strerror else str(error))
+    return int(bool(said.problems))
+
+
+def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said) -> None:
+    """Renders every chapter, then what hangs on which of them have a page."""
+    folder = tree.folder(FOLDER)
+    tasks, unfed = [], {}
+    for number, chapter in enumerate(chapters.CHAPTERS, 1):
+        place = {"number": number, "previous": None, "next": None}
+        source, sensor = _shown_on(chapter, devices)
+        if chapter.needs_device and source is None:
+            unfed[chapter.slug] = _why_unfed(chapter)
+            said.problem(f"{FOLDER}/{chapter.slug}: not rendered: {unfed[chapter.slug]}")
+            for kind in KINDS:
+                (folder / f"{chapter.slug}.{kind}").unlink(missing_ok=True)
+            continue
+        name = f"{FOLDER}/{chapter.slug}" + (f" on {source.id} {sensor}" if source else "")
+        tasks.append(Task(chapter, source, sensor, (), folder, out / FOLDER, name, place))
+    said.total = len(tasks)
+    side_by_side((partial(work_off, line, tree, said) for line in _lines(tasks)), jobs)
+    turned = [task for task in tasks if (folder / f"{task.chapter.slug}.html").is_file()]
+    for at, task in enumerate(turned):
+        _turn(task, turned[at - 1] if at else None, turned[at + 1 :], tree)
+    shown = {task.chapter.slug: task for task in tasks}
+    cards = [
+        _card(number, chapter, shown.get(chapter.slug), unfed.get(chapter.slug, ""), folder)
+        for number, chapter in enumerate(chapters.CHAPTERS, 1)
+    ]
+    devices_page = tree.root / "index.html"
+    tree.write(
+        folder / "index.html",
+        render.page(
+            "book",
+            chapters=cards,
+            software=execute.software(),
+            created=execute.now(),
+            group=devices_page.is_file(),
+        ),
+    )
+    if devices_page.is_file():  # which links the book where there is one
+        tree.write(devices_page, group.group_page(tree.root))
+    said.line(f"{out / FOLDER / 'index.html'}")
+
+
+def _shown_on(chapter: Chapter, devices: list[Source]) -> tuple[Source | None, str | None]:
+    """The first device that feeds a chapter, and which of its sensors: the gyroscope if it can be."""
+    for device in devices:
+        # Of all sensors it shows the most: every noise term, and a thermal model to take out.
+        for sensor in sorted(chapter.sensors, key=lambda name: name != "gyroscope"):
+            if device.feeds(chapter, sensor):
+                return device, sensor
+    return None, None
+
+
+def _why_unfed(chapter: Chapter) -> str:
+    *others, last = chapter.sensors
+    listed = f"{', '.join(others)} or {last}" if others else last
+    return f'no device given has a recording of kind "{chapter.kind}" of its {listed}'
+
+
+def _lines(tasks: list[Task]) -> list[list[Task]]:
+    """Tasks that are worked off one after the other: those of one sensor of one device.
+
+    A later one may read the records of the earlier ones, and of no others: they are of its sensor.
+    """
+    lines: dict[Any, list[Task]] = {}
+    for task in tasks:
+        alone = task.source is None
+        key = task.chapter.slug if alone else (task.source.id, task.sensor)
+        line = lines.setdefault(key, [])
+        line.append(replace(task, needs=tuple(earlier.chapter.slug for earlier in line)))
+    return list(lines.values())
+
+
+def _turn(task: Task, previous: Task | None, following: list[Task], tree: Tree) -> None:
+    """Renders a page again, with links to the chapters before and after that have one."""
+    page, record, notebook = (task.folder / f"{task.chapter.slug}.{kind}" for kind in KINDS)
+    neighbours = {
+        "previous": previous and (previous.chapter.slug, previous.chapter.title),
+        "next": (following[0].chapter.slug, following[0].chapter.title) if following else None,
+    }
+    html = render.chapter_page(
+        nbformat.read(notebook, as_version=4),
+        json.loads(record.read_text(encoding="utf-8")),
+        {**(task.book or {}), **neighbours},
+    )
+    tree.write(page, html)
+
+
+def _card(
+    number: int, chapter: Chapter, task: Task | None, unfed: str, folder: Path
+) -> dict[str, Any]:
+    """A chapter's entry in the table of contents, from its files."""
+    page, _, notebook = (folder / f"{chapter.slug}.{kind}" for kind in KINDS)
+    status, reason = "not rendered", unfed
+    if task is not None:
+        about = nbformat.read(notebook, as_version=4).metadata["sensorbook"]
+        status, reason = about["status"], about["reason"]
+    return {
+        "number": number,
+        "title": chapter.title,
+        "question": _question(chapter.notebook),
+        "page": page.name if page.is_file() else "",
+        "notebook": notebook.name if notebook.is_file() else "",
+        "status": status,
+        "reason": reason or "",
+        "sensor": task and task.sensor,
+        "device": task and task.source and task.source.about["name"],
+        "thumbnail": index.thumbnail(notebook) if page.is_file() else None,
+    }
+
+
+def _question(notebook: Path) -> str:
+    """The bold line of a notebook's first cell; "" where there is none."""
+    try:
+        first = nbformat.read(notebook, as_version=4).cells[0].source
+    except (OSError, ValueError, IndexError):
+        return ""
+    found = re.search(r"\*\*(.+?)\*\*", first, flags=re.DOTALL)
+    return " ".join(found[1].split()) if found else ""
