@@ -23,8 +23,10 @@ FIELD_STD = 0.14e-6  # T, WMM2025's error model for the strength; mostly the cru
 LEAST_FIELD, LARGEST_FIELD = 22e-6, 67e-6  # T, on the Earth's surface (WMM2025 report, F)
 FIELD_YEARS = (1900, 2030)  # of IGRF-14
 
+EQUATOR_RADIUS = 6378137.0  # m, WGS 84
+GRAVITATION = 3.986004418e14  # m³/s², WGS 84 with the atmosphere (NIMA TR8350.2, table 3.1)
+
 # WGS 84 ellipsoid (NIMA TR8350.2, tables 3.1, 3.3 and 3.4).
-_SEMI_MAJOR = 6378137.0  # m
 _FLATTENING = 1 / 298.257223563
 _ECCENTRICITY_SQUARED = 6.69437999014e-3
 _EQUATOR_GRAVITY = 9.7803253359  # m/s²
@@ -43,7 +45,7 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
     """
     s = np.sin(np.radians(latitude)) ** 2
     on_ellipsoid = _EQUATOR_GRAVITY * (1 + _SOMIGLIANA * s) / np.sqrt(1 - _ECCENTRICITY_SQUARED * s)
-    h = height / _SEMI_MAJOR
+    h = height / EQUATOR_RADIUS
     linear = 2 * (1 + _FLATTENING + _M - 2 * _FLATTENING * s) * h
     return float(on_ellipsoid * (1 - linear + 3 * h**2))
 
@@ -151,7 +153,9 @@ def likely_dip(site) -> tuple[float, str]:
 def meridian_radius(latitude: ArrayLike) -> np.ndarray:
     """Radius of curvature of WGS 84 along the meridian, m, at a geodetic latitude, rad."""
     sine = np.sin(latitude)
-    return _SEMI_MAJOR * (1 - _ECCENTRICITY_SQUARED) / (1 - _ECCENTRICITY_SQUARED * sine**2) ** 1.5
+    return (
+        EQUATOR_RADIUS * (1 - _ECCENTRICITY_SQUARED) / (1 - _ECCENTRICITY_SQUARED * sine**2) ** 1.5
+    )
 
 
 def terrestrial_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

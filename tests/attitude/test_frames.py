@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sensorbook.attitude.frames import (
+    circular_orbit,
     ecef_from_eci,
     ecef_from_geodetic,
     geodetic_from_ecef,
@@ -228,3 +229,20 @@ def test_orbital_frames_on_any_orbit():
     assert own @ np.swapaxes(lvlh, 1, 2) == pytest.approx(
         np.broadcast_to(axis_rotation("Z", np.pi / 2), own.shape), abs=1e-14
     )
+
+
+def test_circular_orbit():
+    """Height, inclination and node as given; the speed makes it a circle: v² = GM/r."""
+    argument = np.linspace(0, 2 * np.pi, 9)
+    position, velocity = circular_orbit(550e3, np.radians(97.6), 0.3, argument)
+    radius, speed = np.linalg.norm(position, axis=1), np.linalg.norm(velocity, axis=1)
+    assert radius == pytest.approx(SEMI_MAJOR + 550e3)
+    assert speed**2 * radius == pytest.approx(3.986004418e14)
+    assert (position * velocity).sum(axis=1) == pytest.approx(0, abs=1)
+    normal = np.cross(position, velocity) / (radius * speed)[:, None]
+    assert np.degrees(np.arccos(normal[:, 2])) == pytest.approx(97.6)
+    assert position[0] == pytest.approx(radius[0] * np.array([np.cos(0.3), np.sin(0.3), 0]))
+    assert velocity[0, 2] > 0  # the node is the ascending one
+    ahead = circular_orbit(550e3, np.radians(97.6), 0.3, 1e-6)[0] - position[0]
+    assert ahead @ velocity[0] > 0
+    assert position[2, 2] == pytest.approx(radius[0] * np.sin(np.radians(97.6)))

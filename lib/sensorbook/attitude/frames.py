@@ -104,6 +104,25 @@ def orbital_from_eci(position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
     return np.stack([-normal, np.cross(nadir, -normal), nadir], axis=-2)
 
 
+def circular_orbit(
+    height: float, inclination: float, node: float, argument: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Inertial position (…, 3), m, and velocity (…, 3), m/s, on a circular orbit.
+
+    `height` is above the equator's radius, m; inclination, right ascension of the ascending node and
+    the angle from it along the orbit (…) are in rad. The Earth's oblateness is left out.
+    """
+    radius = earth.EQUATOR_RADIUS + height
+    plane = axis_rotation("X", inclination) @ axis_rotation(
+        "Z", node
+    )  # its rows: node, ahead, normal
+    argument = np.asarray(argument, dtype=float)[..., None]
+    along, across = plane[0], plane[1]
+    position = radius * (np.cos(argument) * along + np.sin(argument) * across)
+    speed = np.sqrt(earth.GRAVITATION / radius)
+    return position, speed * (np.cos(argument) * across - np.sin(argument) * along)
+
+
 def _orbit(position: ArrayLike, velocity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Unit normal of the orbit and unit vector to the Earth's centre."""
     position, velocity = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
