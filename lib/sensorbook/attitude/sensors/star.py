@@ -1,0 +1,188 @@
+"""Star sensor: a pinhole camera, a catalogue and Wahba's problem (work C, 3.4).
+
+Which star is which is taken as known: identification (triangle, k-vector, pyramid) is not simulated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+from scipy.stats import poisson
+
+from sensorbook.attitude.observations import Solution
+from sensorbook.attitude.vectors import davenport
+
+SKY = 41253.0  # square degrees in the sphere, 4π (180/π)²
+REASONS = (
+    "",
+    "fewer than two stars are in view: the rotation about one is not determined; widen the field or "
+    "lengthen the catalogue",
+)
+
+
+@dataclass(frozen=True)
+class StarSensor:
+    """A camera along its own z axis.
+
+    Attributes
+    ----------
+    focal : focal length, pixels
+    width, height : of the image, pixels
+    sensor_from_body : (3, 3), passive
+    """
+
+    focal: float
+    width: int
+    height: int
+    sensor_from_body: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+    def __post_init__(self):
+        for name in ("focal", "width", "height"):
+            if not getattr(self, name) > 0:
+                raise ValueError(
+                    f"{name} is {getattr(self, name)}: give a positive number of pixels"
+                )
+
+    @classmethod
+    def of_field(cls, alpha: float, beta: float, width: int, **kwargs) -> StarSensor:
+        """The sensor with a field of α × β (rad) that is `width` pixels wide."""
+        focal = width / (2 * np.tan(alpha / 2))
+        return cls(focal, width, round(2 * focal * np.tan(beta / 2)), **kwargs)
+
+    @property
+    def centre(self) -> np.ndarray:
+        """(2,) principal point x₀, y₀, pixels."""
+        return np.array([self.width, self.height]) / 2
+
+    @property
+    def pixel_angle(self) -> float:
+        """rad."""
+        return 1 / self.focal
+
+    def project(self, direction: ArrayLike) -> np.ndarray:
+        """Image places (…, 2), pixels, of directions (…, 3) in sensor axes; NaN outside the image."""
+        direction = np.asarray(direction, dtype=float)
+        front = direction[..., 2] > 0
+        scale = self.focal / np.where(front, direction[..., 2], 1.0)
+        place = direction[..., :2] * scale[..., None] + self.centre
+        seen = front & ((place >= 0) & (place <= [self.width, self.height])).all(axis=-1)
+        return np.where(seen[..., None], place, np.nan)
+
+    def direction(self, place: ArrayLike) -> np.ndarray:
+        """[(x − x₀), (y − y₀), f] made unit (3.12), (…, 3), in sensor axes."""
+        across = np.asarray(place, dtype=float) - self.centre
+        vector = np.concatenate([across, np.full((*across.shape[:-1], 1), self.focal)], axis=-1)
+        return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+
+    def body_direction(self, place: ArrayLike) -> np.ndarray:
+        """The same in body axes (3.13)."""
+        return self.direction(place) @ self.sensor_from_body
+
+
+@dataclass(frozen=True)
+class Image:
+    """Stars in an image: their rows in the catalogue (k,) and places (k, 2), pixels."""
+
+    stars: np.ndarray
+    places: np.ndarray
+
+
+@dataclass(frozen=True)
+class StarFix:
+    """Attitude from an image.
+
+    Attributes
+    ----------
+    matrix : (3, 3) body from inertial; NaN where refused
+    solution : of the Wahba solver; None where refused
+    across_std, roll_std : standard errors across and about the boresight, rad; NaN where refused
+    reason : "" where all is well
+    """
+
+    matrix: np.ndarray
+    solution: Solution | None
+    across_std: float
+    roll_std: float
+    reason: str
+
+
+def catalogue_size(mean: float, alpha: float, beta: float) -> float:
+    """Stars N = G · 41253/(α° β°) that put G in a field of α × β (rad) on average (3.11).
+
+    >>> round(catalogue_size(3, np.radians(3), np.radians(4)))  # work C prints 2064
+    10313
+    """
+    for name, value in (("mean", mean), ("alpha", alpha), ("beta", beta)):
+        if not value > 0:
+            raise ValueError(f"{name} is {value}: give a positive number")
+    return mean * SKY / (np.degrees(alpha) * np.degrees(beta))
+
+
+def chance_in_view(mean: float, least: int = 4) -> float:
+    """Chance that a field holds `least` stars or more where it holds `mean` on average (Poisson).
+
+    >>> round(chance_in_view(3), 3)
+    0.353
+    """
+    return float(poisson.sf(least - 1, mean))
+
+
+def mean_for(chance: float, least: int = 4) -> float:
+    """The mean number in a field that puts `least` or more there with this chance."""
+    if not 0 < chance < 1:
+        raise ValueError(f"chance is {chance}: give one between 0 and 1")
+    return float(brentq(lambda mean: chance_in_view(mean, least) - chance, 1e-9, 1e4))
+
+
+def random_sky(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Right ascension and declination (count,), rad, of stars spread evenly over the sphere."""
+    return rng.uniform(0, 2 * np.pi, count), np.arcsin(rng.uniform(-1, 1, count))
+
+
+def reference_vectors(right_ascension: ArrayLike, declination: ArrayLike) -> np.ndarray:
+    """(…, 3) inertial unit vectors; stars are so far that the satellite's place (3.14) changes nothing."""
+    a, d = np.asarray(right_ascension, dtype=float), np.asarray(declination, dtype=float)
+    return np.stack([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)], axis=-1)
+
+
+def take_image(
+    sensor: StarSensor,
+    attitude: ArrayLike,
+    references: np.ndarray,
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> Image:
+    """Stars of the catalogue (n, 3) in view at one attitude (3, 3); `noise` is a centroid's, pixels."""
+    seen = references @ (sensor.sensor_from_body @ np.asarray(attitude, dtype=float)).T
+    places = sensor.project(seen)
+    stars = np.flatnonzero(np.isfinite(places[:, 0]))
+    places = places[stars]
+    if noise:
+        if rng is None:
+            raise ValueError(
+                f"noise is {noise:g} pixels and there is no rng: give a seeded generator"
+            )
+        places = places + rng.normal(0.0, noise, places.shape)
+    return Image(stars, places)
+
+
+def attitude(
+    sensor: StarSensor, image: Image, references: np.ndarray, noise: float | None = None
+) -> StarFix:
+    """The attitude from two stars or more, by Davenport's q-method.
+
+    `noise` is a centroid's standard error, pixels, for the standard errors.
+    """
+    if len(image.stars) < 2:
+        return StarFix(np.full((3, 3), np.nan), None, np.nan, np.nan, REASONS[1])
+    sigma = None if noise is None else np.full(len(image.stars), noise * sensor.pixel_angle)
+    found = davenport(sensor.body_direction(image.places), references[image.stars], sigma=sigma)
+    across = roll = np.nan
+    if sigma is not None:
+        turn = sensor.sensor_from_body
+        variance = np.diag(turn @ found.covariance @ turn.T)
+        across, roll = float(np.sqrt(variance[:2].mean())), float(np.sqrt(variance[2]))
+    return StarFix(found.matrix, found, across, roll, "")
