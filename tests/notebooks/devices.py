@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from sensorbook.cli import main
+from sensorbook.reporting import chapters, execute
 from sensorbook.simulate.noise import coloured_noise
 
 DEVICE = 'schema = 1\nid = "{id}"\nname = "{id}"\n'
@@ -93,3 +94,18 @@ def write(folder: Path, **tables: dict) -> Path:
         text += RECORDING.format(kind=kind, file=f"{kind}.csv")
     (folder / "device.toml").write_text(text)
     return folder
+
+
+def read_chapter(slug: str, folder: Path, **parameters) -> tuple[dict, str]:
+    """Executes a chapter that needs no device; returns what it recorded and what a reader sees of it."""
+    chapter = next(c for c in chapters.CHAPTERS if c.slug == slug)
+    outcome = execute.execute(chapter.notebook, parameters, folder, folder, "")
+    assert outcome.status == "complete", outcome.reason
+    about = dict.fromkeys(("id", "name", "model", "serial"))
+    record = execute.record_of(outcome, chapter, "", about)
+    shown = [
+        output.get("data", {}).get("text/plain", "")
+        for cell in outcome.notebook.cells
+        for output in cell.get("outputs", ())
+    ]
+    return record, " ".join(" ".join(shown).split())

@@ -20,7 +20,7 @@ from sensorbook.attitude.rotations import error_vector
 
 @dataclass(frozen=True)
 class Epochs:
-    """Simulated epochs: `measured` (N, k, 3), `reference` (k, 3), `true` matrices (N, 3, 3), `sigma` (k,), rad."""
+    """Simulated: `measured` (N, k, 3), `reference` (k, 3), `true` matrices (N, 3, 3), `sigma` (k,), rad."""
 
     measured: np.ndarray
     reference: np.ndarray
@@ -92,7 +92,7 @@ def davenport_matrix(measured: ArrayLike, reference: ArrayLike, weights: ArrayLi
 
 
 def power_iteration(k: ArrayLike, steps: int) -> np.ndarray:
-    """q ← K q/‖K q‖ (3.37) from q = [0, 0, 0, 1]: the angle to the best attitude, rad, after 0, 1, … steps."""
+    """q ← K q/‖K q‖ (3.37) from [0, 0, 0, 1]: the angle to the best attitude, rad, after 0, 1, … steps."""
     k = np.asarray(k, dtype=float)
     best = np.linalg.eigh(k)[1][:, -1]
     q = np.array([0.0, 0.0, 0.0, 1.0])
@@ -121,12 +121,17 @@ def squared_iteration(k: ArrayLike, steps: int) -> np.ndarray:
 def quest_as_printed(k: ArrayLike) -> np.ndarray:
     """QUEST's quaternion from one K by Rodrigues' vector alone, y = [(λ + σ) I − S]⁻¹ z (C 3.6.3).
 
-    Without sequential rotations: y grows without bound towards rotations of 180°.
+    In Shuster and Oh's form y = X/γ, X = (α I + β S + S²) z. Without sequential rotations both vanish
+    towards rotations of 180°, and what is left is rounding; where nothing is, no rotation is returned.
     """
     k = np.asarray(k, dtype=float)
     s, z, sigma = k[:3, :3] + k[3, 3] * np.eye(3), k[:3, 3], k[3, 3]
-    y = np.linalg.solve((np.linalg.eigvalsh(k)[-1] + sigma) * np.eye(3) - s, z)
-    return np.append(y, 1) / np.sqrt(1 + y @ y)
+    largest = np.linalg.eigvalsh(k)[-1]
+    alpha = largest**2 - sigma**2 + (np.trace(s) ** 2 - np.trace(s @ s)) / 2
+    gamma = (largest + sigma) * alpha - np.linalg.det(s)
+    x = alpha * z + (largest - sigma) * s @ z + s @ s @ z
+    length = np.sqrt(x @ x + gamma**2)
+    return np.append(x, gamma) / length if length else np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def seconds_an_epoch(solver: Callable[..., Solution], seen: Epochs, times: int = 3) -> float:

@@ -48,7 +48,7 @@ def plot_what_one_leaves(
     circle = np.cos(angle) * first + np.sin(angle) * (
         np.cos(round_it) * across + np.sin(round_it) * np.cross(first, across)
     )
-    label = f"where the {names[0].lower()} alone lets the {names[1].lower()} be"
+    label = f"where the {names[0]} alone lets the {names[1]} be"
     axes.plot(*circle.T, color=GREY, linestyle="--", linewidth=1.4, label=label)
     for vector, colour, name in zip((first, second), PALETTE, names, strict=False):
         axes.quiver(0, 0, 0, *vector, color=colour, linewidth=2.2, arrow_length_ratio=0.12)
@@ -59,6 +59,7 @@ def plot_what_one_leaves(
         )
         axes.text(*(1.38 * np.eye(3)[k]), axis, fontsize=9)
     axes.set_aspect("equal")
+    axes.set_box_aspect(None, zoom=1.25)
     axes.set_axis_off()
     axes.legend(loc="upper left", fontsize=8, frameon=False)
     return axes

@@ -1,0 +1,65 @@
+"""The chapter on attitude from vectors: its numbers, and sentences that follow its parameters."""
+
+import numpy as np
+import pytest
+from devices import read_chapter
+
+from sensorbook.attitude.vectors import SOLVERS
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory):
+    return read_chapter("attitude_from_vectors", tmp_path_factory.mktemp("chapter"))
+
+
+def test_numbers(read):
+    found = read[0]["results"]["attitude_from_vectors"]
+    between = found["angle_between"]["value"]
+    assert np.degrees(between) == pytest.approx(103.4, abs=0.1)
+    # In closed form for independent errors: the Sun's two axes and, about it, the field's.
+    sun, field = np.radians([0.017, 0.5])
+    about = (field**2 + (np.cos(between) * sun) ** 2) / np.sin(between) ** 2
+    expected = np.sqrt(2 * sun**2 + about)
+    assert found["predicted_error"]["value"] == pytest.approx(expected, rel=0.002)
+    rms = found["rms_error"]
+    # Nearly one normal error: the rms of 20 000 scatters by 1/√(2 · 20 000), 0.5 %.
+    assert rms["triad_sun_first"] == pytest.approx(expected, rel=0.02)
+    swapped = np.sqrt(
+        2 * field**2 + (sun**2 + (np.cos(between) * field) ** 2) / np.sin(between) ** 2
+    )
+    assert rms["triad_field_first"] == pytest.approx(swapped, rel=0.02)
+    for name in SOLVERS:
+        assert rms[name] == pytest.approx(rms["Davenport"], rel=1e-9)
+    for value in found["normalised_error_squared"].values():
+        assert value == pytest.approx(3, abs=0.1)
+    assert found["largest_difference"]["value"] < 1e-9
+    beyond = found["chi_squared_beyond_95_percent"]
+    assert beyond["as_stated"] == pytest.approx(0.05, abs=0.006)
+    # χ² of nine times the variance: P(9 χ² > 3.84) with one degree of freedom.
+    assert beyond["three_times_worse"] == pytest.approx(0.514, abs=0.02)
+
+
+def test_sentences(read):
+    text = read[1]
+    assert "makes an angle of **103.4°** with the direction to the Sun" in text
+    assert "Trust the Sun: the wrong order costs a factor of 1.39." in text
+    assert "gives way by **0.12 %** of the misfit" in text
+    assert "comes so near the optimum" in text
+    assert "Warning" not in text
+
+
+def test_sentences_change_with_the_facts(tmp_path):
+    record, text = read_chapter(
+        "attitude_from_vectors",
+        tmp_path,
+        time="2026-03-21T22:00",
+        sun_error=0.5,
+        epochs=1000,
+    )
+    assert "The satellite is in the Earth's shadow then" in text
+    assert "The order hardly matters here" in text
+    assert "are within" in text
+    assert "about the three axes of its error" in text
+    assert "is no longer near the optimum" in text
+    assert record["results"]["attitude_from_vectors"]["normalised_error_squared"]["optimal"] > 2
+    assert [w["message"][:13] for w in record["warnings"]] == ["The satellite", "The two direc"]
