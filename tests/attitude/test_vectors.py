@@ -364,6 +364,18 @@ def test_batches(solver):
     assert none.covariance.shape == (0, 3, 3)
 
 
+@ALL
+@pytest.mark.parametrize("length", [1e-300, 1e-160, 1e160, 1e300])
+def test_lengths_beyond_the_range_of_squares(solver, length):
+    measured, reference, true = epochs(np.random.default_rng(116), 4, apart=1.0)
+    measured[1] *= length
+    measured[2, 0] = 0
+    found = solver(measured, reference)
+    assert found.determined.tolist() == [True, True, False, True]
+    assert found.reasons[2] == "a vector has no length"
+    assert angle(found.matrix[[0, 1, 3]], true[[0, 1, 3]]).max() < 1e-12
+
+
 vectors = st.lists(
     st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: sum(c * c for c in v) > 1e-2),
     min_size=2,

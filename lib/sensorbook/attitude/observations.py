@@ -288,6 +288,10 @@ def _unit(vectors: np.ndarray, refused: np.ndarray) -> np.ndarray:
             part = slice(start, start + CHUNK)
             own = vectors[..., part]
             length = np.sqrt(own[:, 0] ** 2 + own[:, 1] ** 2 + own[:, 2] ** 2)
+            if not ((length > 1e-150) & (length < 1e150)).all():
+                own = own / np.abs(own).max(axis=1, keepdims=True)  # whose squares are in range
+                own[np.isnan(own) & (vectors[..., part] == 0)] = 0.0
+                length = np.sqrt(own[:, 0] ** 2 + own[:, 1] ** 2 + own[:, 2] ** 2)
             for i in range(3):
                 unit[:, i, part] = own[:, i] / length
             where = slice(None) if every else part
