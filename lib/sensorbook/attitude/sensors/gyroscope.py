@@ -8,7 +8,10 @@ from numpy.typing import ArrayLike
 from sensorbook.calibration.model import ErrorModel
 from sensorbook.simulate.noise import coloured_noise
 
-UNOBSERVABLE = "A gyroscope sees how the attitude changes, not what it is: the start has to come from another sensor."
+UNOBSERVABLE = (
+    "A gyroscope sees how the attitude changes, not what it is: "
+    "the start has to come from another sensor."
+)
 
 
 def gyroscope(

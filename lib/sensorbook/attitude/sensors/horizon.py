@@ -264,7 +264,7 @@ def _slopes(sights, nadir, side):
 
 
 def _closed(normal, nadir):
-    """The normal matrix with something about the nadir, which makes it invertible and changes nothing else."""
+    """The normal matrix made invertible about the nadir, which changes nothing else."""
     about = np.trace(normal[..., :3, :3], axis1=-2, axis2=-1) / 2
     normal = normal.copy()
     normal[..., :3, :3] += about[..., None, None] * nadir[..., :, None] * nadir[..., None, :]

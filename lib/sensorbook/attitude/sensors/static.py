@@ -193,7 +193,7 @@ def tilt(sensor: StaticSensor, signals: ArrayLike, sigma: float | None = None) -
         step = step * np.minimum(1, 0.3 * sensor.field / np.maximum(most, 1e-300))
         nadir = nadir + np.cross(nadir, step[..., :3])
         nadir = nadir / np.linalg.norm(nadir, axis=-1, keepdims=True)
-        rho = np.clip(rho + step[..., 3], 2 * sensor.field / 1.9, np.pi / 2)
+        rho = np.clip(rho + step[..., 3], 1.05 * sensor.field, np.pi / 2)
     rows, left = _linear(sensor.field, centres, nadir, rho, given)
     code[(code == _OK) & (np.sqrt((left**2).mean(axis=-1)) > _MISFIT)] = _NO_FIT
     good = code == _OK

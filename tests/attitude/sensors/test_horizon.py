@@ -1,0 +1,246 @@
+"""Conical-scan horizon sensor: the scan against its inversion, refusals, standard errors."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sensorbook.attitude.sensors.conical import (
+    EQUIVALENT_HEIGHT,
+    RADIUS,
+    Scan,
+    angular_radius,
+    scan,
+    scan_ellipsoid,
+    scan_vectors,
+)
+from sensorbook.attitude.sensors.horizon import NEARER, ONLY, one_cone, tilted, two_cones
+
+LEO, GEO = 700e3, 35786e3
+CONE = np.radians(45)
+EXACT = 1e-9  # rad, the requirement; what is reached is rounding
+
+angles = st.floats(-0.5, 0.5)
+
+
+def attitudes(count, most, seed):
+    roll, pitch = np.random.default_rng(seed).uniform(-most, most, (2, count))
+    yaw = np.random.default_rng(seed + 1).uniform(-np.pi, np.pi, count)
+    return roll, pitch, tilted(roll, pitch, yaw)
+
+
+def test_angular_radius_of_work_c():
+    # C 3.2 rounds: 135° from 500 km and 17.5° from GEO, of the solid Earth.
+    assert np.degrees(2 * angular_radius(500e3, equivalent_height=0.0)) == pytest.approx(
+        136, abs=0.1
+    )
+    assert np.degrees(2 * angular_radius(GEO, equivalent_height=0.0)) == pytest.approx(
+        17.4, abs=0.1
+    )
+
+
+@pytest.mark.parametrize("height", [EQUIVALENT_HEIGHT, -5.0, np.nan])
+def test_height_inside_the_earth(height):
+    with pytest.raises(ValueError, match="above the infrared horizon"):
+        angular_radius(height)
+
+
+def test_level_crossings_have_a_closed_form():
+    """Level, cos η · 0 + sin η cos δ = cos ρ: symmetric about the nadir."""
+    found = scan(np.eye(3), LEO, CONE)
+    expected = np.arccos(np.cos(angular_radius(LEO)) / np.sin(CONE))
+    assert found.leave == pytest.approx(expected, abs=1e-13)
+    assert found.enter == pytest.approx(-expected, abs=1e-13)
+
+
+def test_crossings_lie_on_the_limb_and_are_in_order():
+    _, _, body = attitudes(300, 0.4, 1)
+    found = scan(body, LEO, CONE)
+    good = found.reasons == ""
+    assert 100 < good.sum() < 300
+    assert (good == np.isfinite(found.enter)).all()
+    nadir, rho = body[good][:, :, 2], angular_radius(LEO)
+    for angle, sign in ((found.enter[good], 1), (found.leave[good], -1)):
+        near = (scan_vectors(CONE, angle) * nadir).sum(axis=1)
+        assert np.abs(near - np.cos(rho)).max() < 1e-13
+        after = (scan_vectors(CONE, angle + 1e-4) * nadir).sum(axis=1)
+        assert (sign * (after - near) > 0).all(), "nearer the nadir is inside the Earth"
+    assert (found.leave[good] > found.enter[good]).all()
+
+
+@pytest.mark.parametrize(
+    ("roll", "cone", "reason"),
+    [(0.0, np.radians(15), "passes beside"), (1.5, np.radians(20), "fills the scan")],
+)
+def test_no_crossing_says_why(roll, cone, reason):
+    found = scan(tilted([roll, roll], [0.0, 0.0]), LEO, cone)
+    assert all(reason in r for r in found.reasons)
+    assert np.isnan(found.enter).all()
+    fix = one_cone(found, LEO, cone, sigma=1e-3)
+    assert np.isnan(fix.nadir).all()
+    assert np.isnan(fix.roll_std).all()
+    assert all("a crossing is missing" in r for r in fix.reasons)
+
+
+def test_one_bad_sample_leaves_the_others():
+    body = tilted([0.0, 0.1, -1.4], 0.05)
+    body[1] = np.nan
+    found = scan(body, LEO, CONE)
+    assert found.reasons[0] == ""
+    assert "no finite number" in found.reasons[1]
+    fix = one_cone(found, LEO, CONE)
+    assert fix.roll[0] == pytest.approx(0.0, abs=EXACT)
+    assert np.isnan(fix.roll[1])
+
+
+@settings(deadline=None, max_examples=60)
+@given(angles, angles, st.floats(-3.1, 3.1), st.floats(300e3, 3000e3), st.sampled_from([1, -1]))
+def test_one_cone_round_trip(roll, pitch, yaw, height, side):
+    body = tilted(roll, pitch, yaw)
+    fix = one_cone(scan(body, height, CONE, side), height, CONE, side)
+    if fix.reasons == "":
+        assert np.abs(fix.solutions - body[:, 2]).max(axis=-1).min() < EXACT, "one is the truth"
+        if fix.choice == ONLY:
+            assert fix.roll == pytest.approx(roll, abs=EXACT)
+            assert fix.pitch == pytest.approx(pitch, abs=EXACT)
+
+
+def test_one_cone_from_low_orbit_is_unique_and_exact():
+    """With η < ρ the order of the crossings excludes the second solution."""
+    roll, pitch, body = attitudes(500, 0.4, 3)
+    fix = one_cone(scan(body, LEO, CONE), LEO, CONE)
+    good = fix.reasons == ""
+    assert good.sum() > 300
+    assert (fix.choice[good] == ONLY).all()
+    assert np.abs(fix.roll - roll)[good].max() < EXACT
+    assert np.abs(fix.pitch - pitch)[good].max() < EXACT
+
+
+def test_one_cone_from_far_has_two_solutions():
+    """A small Earth: both solutions fulfil the equations and the order; the nearer nadir is taken."""
+    cone = np.radians(85)
+    roll, _, body = attitudes(300, 0.2, 4)
+    fix = one_cone(scan(body, GEO, cone), GEO, cone)
+    good = fix.reasons == ""
+    assert good.sum() > 50
+    assert fix.fits[good].all()
+    assert (fix.choice[good] == NEARER).all()
+    rho = angular_radius(GEO)
+    for k in (0, 1):
+        again = scan_vectors(cone, scan(body, GEO, cone).enter[good])
+        assert np.abs((again * fix.solutions[good, k]).sum(axis=-1) - np.cos(rho)).max() < 1e-12
+    other = np.take_along_axis(fix.solutions[good], 1 - fix.chosen[good, None, None], axis=1)[:, 0]
+    assert (fix.nadir[good, 2] >= other[:, 2]).all()
+    assert (
+        np.abs(fix.solutions[good] - body[good, None, :, 2]).max(axis=-1).min(axis=-1).max() < EXACT
+    )
+    # The choice is a guess and can be wrong.
+    wrong = np.abs(fix.roll - roll)[good] > 1e-3
+    assert 0 < wrong.sum() < good.sum()
+
+
+def test_two_cones_need_no_height():
+    roll, pitch, body = attitudes(300, 0.2, 5)
+    height = np.random.default_rng(6).uniform(300e3, 3000e3, 300)
+    first, second = scan(body, height, CONE), scan(body, height, CONE, -1)
+    fix = two_cones(first, second, CONE)
+    good = fix.reasons == ""
+    assert good.sum() > 150
+    assert np.abs(fix.roll - roll)[good].max() < EXACT
+    assert np.abs(fix.pitch - pitch)[good].max() < EXACT
+    assert np.abs(fix.height / height - 1)[good].max() < 1e-9
+    three = two_cones(first, Scan(second.enter, np.nan * second.leave, second.reasons), CONE)
+    both = good & (three.reasons == "")
+    assert both.sum() > 150
+    assert np.abs(three.roll - roll)[both].max() < EXACT
+    lone = two_cones(first, Scan(*(np.full((2, 300), np.nan)), second.reasons), CONE)
+    assert all("fewer than three" in r for r in lone.reasons)
+
+
+def test_degenerate_geometry_is_refused():
+    near = one_cone(Scan(0.1, 0.1005, ""), LEO, CONE)
+    assert "grazes" in near.reasons.item()
+    # Cones of 90° about y and −y are one and the same circle.
+    same = Scan(np.array([-0.9]), np.array([0.9]), np.array([""]))
+    assert "cones that meet" in two_cones(same, same, np.pi / 2).reasons[0]
+
+
+def test_nadir_in_the_plane_of_the_crossings_is_refused():
+    # cos η cos γ + sin η cos w sin γ is largest where it equals cos ρ.
+    rho = angular_radius(LEO)
+    width = np.arccos(np.sqrt(np.cos(rho) ** 2 - 0.01) / np.sin(np.arccos(0.1)))
+    fix = one_cone(Scan(-width, width, ""), LEO, np.arccos(0.1))
+    assert "one plane with the nadir" in fix.reasons.item()
+    apart = one_cone(Scan(-width - 0.1, width + 0.1, ""), LEO, np.arccos(0.1))
+    assert "no attitude has such crossings" in apart.reasons.item()
+
+
+def noisy(seed, sigma, third=False, count=10_000):
+    body = tilted(0.1, -0.07, 0.4)
+    error = np.random.default_rng(seed).normal(0, sigma, (4, count))
+    first, second = scan(body, LEO, CONE), scan(body, LEO, CONE, -1)
+    last = second.leave + (np.nan if third else 1) * error[3]
+    return (
+        body,
+        Scan(first.enter + error[0], first.leave + error[1], ""),
+        Scan(second.enter + error[2], last, ""),
+    )
+
+
+@pytest.mark.parametrize("kind", ["one", "two", "three"])
+def test_standard_errors_by_nees(kind):
+    sigma = 1e-3
+    body, first, second = noisy(7, sigma, kind == "three")
+    fix = (
+        one_cone(first, LEO, CONE, sigma=sigma)
+        if kind == "one"
+        else two_cones(first, second, CONE, sigma=sigma)
+    )
+    error = np.cross(fix.nadir, body[:, 2])
+    nees = np.einsum("ni,nij,nj->n", error, fix.information, error).mean()
+    # χ² of two degrees of freedom; the mean of 10⁴ has a standard error of 1 %.
+    assert nees == pytest.approx(2, rel=0.03)
+    assert ((fix.roll - 0.1) ** 2 / fix.roll_std**2).mean() == pytest.approx(1, abs=0.05)
+    assert ((fix.pitch + 0.07) ** 2 / fix.pitch_std**2).mean() == pytest.approx(1, abs=0.05)
+    if kind != "one":
+        assert ((fix.height - LEO) ** 2 / fix.height_std**2).mean() == pytest.approx(1, abs=0.05)
+
+
+def test_yaw_has_no_information():
+    _, first, second = noisy(8, 1e-3, count=50)
+    fix = two_cones(first, second, CONE, sigma=1e-3)
+    about = np.einsum("ni,nij,nj->n", fix.nadir, fix.information, fix.nadir)
+    assert np.abs(about).max() < 1e-6 * np.trace(fix.information[0])
+    along = np.einsum("nij,nj->ni", fix.covariance, fix.nadir)
+    assert np.abs(along).max() < 1e-15
+    assert "Yaw" in fix.unobservable
+    assert "not observable" in fix.unobservable
+
+
+def test_the_fourth_crossing_does_improve():
+    """C 3.2.1, after its source, says that it cannot; with noise it takes a fifth or more off."""
+    _, first, second = noisy(9, 1e-3)
+    four = two_cones(first, second, CONE)
+    three = two_cones(first, Scan(second.enter, np.nan * second.leave, ""), CONE)
+    for angle, true in (("roll", 0.1), ("pitch", -0.07)):
+        rms = [np.sqrt(((getattr(f, angle) - true) ** 2).mean()) for f in (four, three)]
+        assert rms[0] < 0.8 * rms[1]
+
+
+def test_ellipsoid_with_equal_axes_is_the_sphere():
+    body = tilted(0.1, 0.05, 1.0)
+    one = scan(body, LEO, CONE)
+    position = [0.0, 0.0, -(RADIUS + LEO)]
+    other = scan_ellipsoid(body, position, [RADIUS + EQUIVALENT_HEIGHT] * 3, CONE)
+    assert other.enter == pytest.approx(one.enter, abs=1e-13)
+
+
+def test_settings_out_of_range():
+    with pytest.raises(ValueError, match="cone is"):
+        scan(np.eye(3), LEO, 2.0)
+    with pytest.raises(ValueError, match="side is 0"):
+        scan(np.eye(3), LEO, CONE, side=0)
+    with pytest.raises(ValueError, match="sigma is -1"):
+        one_cone(Scan(-0.9, 0.9, ""), LEO, CONE, sigma=-1)
+    with pytest.raises(ValueError, match=r"needed is \(…, 3, 3\)"):
+        scan(np.eye(2), LEO, CONE)
