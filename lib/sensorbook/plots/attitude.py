@@ -87,7 +87,7 @@ def plot_euler_steps(
                 _curve(a, 0.8 * part[:, j], SECOND, "-", 1.4)
         name = ("φ", "θ", "ψ")[k]
         title = f"{name} = {np.degrees(angle):.1f}° about {letter.lower()}{mark}".replace("-", "−")
-        a.set_title(title, fontsize=10)
+        a.set_title(title, fontsize=10, pad=12)
         _framed(a)
     return axes
 
@@ -217,7 +217,7 @@ def plot_tangent_frames(
     radius = np.linalg.norm(position)
     # Seen from the satellite's side, so that neither it nor its axes hide behind the Earth.
     where = np.arctan2(position[1], position[0])
-    view = View(where + np.radians(50), np.radians(20))
+    view = View(where - np.radians(50), np.radians(20))
     circle, here = 1.25 * orbit / radius, 1.25 * position / radius
     for a, (name, matrix) in zip(axes, frames.items(), strict=True):
         _drawing(a, 0)
@@ -339,6 +339,7 @@ def _arrow(axes: Axes, start, tip, colour, name, view: View = VIEW, width: float
     length = np.linalg.norm(along)
     out = along / length if length > 0.15 else np.array([0.7, -0.7])  # towards the viewer: aside
     beyond = to + 0.1 * out
+    axes.update_datalim([beyond])
     side = "left" if out[0] > 0.4 else "right" if out[0] < -0.4 else "center"
     axes.text(*beyond, name, color=colour, ha=side, va="center", fontsize=10)
 
@@ -378,7 +379,7 @@ def _curve(axes: Axes, points: np.ndarray, colour, line, width, view: View = VIE
 def _globe(axes: Axes, sidereal: float, view: View = VIEW) -> None:
     """The unit sphere with equator, parallels and meridians; Greenwich's stronger."""
     turn = np.linspace(0, 2 * np.pi, 361)
-    axes.fill(np.cos(turn), np.sin(turn), facecolor="#F3F6F9", edgecolor=GREY, lw=1.1, zorder=0)
+    axes.fill(np.cos(turn), np.sin(turn), facecolor="#E4EDF5", edgecolor=GREY, lw=1.1, zorder=0)
     for degrees in (-60, -30, 0, 30, 60):
         f = np.radians(degrees)
         ring = np.column_stack(
