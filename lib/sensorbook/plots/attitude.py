@@ -88,6 +88,7 @@ def plot_euler_steps(
         name = ("φ", "θ", "ψ")[k]
         title = f"{name} = {np.degrees(angle):.1f}° about {letter.lower()}{mark}".replace("-", "−")
         a.set_title(title, fontsize=10, pad=12)
+        now = after
         _framed(a)
     return axes
 
