@@ -8,6 +8,7 @@ import os
 import re
 
 import pytest
+from browser import AXE, CHROMIUM, examine
 from bs4 import BeautifulSoup
 from throwaway import FIGURE, LOAD, NASTY, Run, chapter, run, write_device, write_notebook
 
@@ -216,6 +217,16 @@ def test_links_resolve_and_pages_hold_no_script_and_no_address(bound):
         assert not re.search(r"url\(|@import", html)
 
 
+@pytest.mark.skipif(not CHROMIUM, reason="no Chromium to open the pages with")
+@pytest.mark.parametrize("page", ["index", "allan", "free"])
+def test_pages_serve_everyone_and_fit_a_telephone(bound, page, tmp_path):
+    shown = examine(bound.out / "book" / f"{page}.html", tmp_path, [(390, "light"), (1280, "dark")])
+    for seen in shown.values():
+        assert (seen["scroll"], seen["wide"]) == (seen["client"], [])
+        if AXE.exists():
+            assert [v for v in seen["violations"] if v["impact"] in ("serious", "critical")] == []
+
+
 def test_failing_and_unfed_chapters_are_told_and_lose_what_an_earlier_book_had(
     tmp_path, devices, notebooks, rows, table
 ):
@@ -228,8 +239,8 @@ def test_failing_and_unfed_chapters_are_told_and_lose_what_an_earlier_book_had(
     done = bind(devices[:1], out)
     assert done.code == 1
     unfed = (
-        'no device given has a recording of kind "positions" of its accelerometer, gyroscope or'
-        " magnetometer"
+        'no device given has a recording of kind "positions" of the accelerometer, gyroscope or'
+        " magnetometer: name one that has"
     )
     fault = "the chapter stopped with ZeroDivisionError: division by zero (a fault in sensorbook; "
     told = sorted(done.stderr.splitlines())

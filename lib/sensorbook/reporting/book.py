@@ -114,7 +114,7 @@ def _shown_on(chapter: Chapter, devices: list[Source]) -> tuple[Source | None, s
 def _why_unfed(chapter: Chapter) -> str:
     *others, last = chapter.sensors
     listed = f"{', '.join(others)} or {last}" if others else last
-    return f'no device given has a recording of kind "{chapter.kind}" of its {listed}'
+    return f'no device given has a recording of kind "{chapter.kind}" of the {listed}: name one that has'
 
 
 def _lines(tasks: list[Task]) -> list[list[Task]]:
