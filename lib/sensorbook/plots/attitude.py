@@ -73,22 +73,23 @@ def plot_euler_steps(
     """The three rotations of Euler angles (3,), rad, one after the other."""
     if axes is None:
         _, axes = plt.subplots(1, 3, figsize=(9.0, 3.3), layout="constrained")
-    now, marks = IDENTITY, ("′", "″", "‴")
-    for k, (a, letter, angle) in enumerate(zip(axes, sequence, angles, strict=True)):
+    kept = ["XYZ".index(letter) for letter in sequence]
+    stages = [IDENTITY]
+    for letter, angle in zip(sequence, angles, strict=True):
+        stages.append(axis_rotation(letter, angle) @ stages[-1])
+    view = _clearest([stage[k] for stage, k in zip(stages, kept, strict=False)])
+    marks = ("", "′", "″", "‴")
+    for n, (a, k, angle) in enumerate(zip(axes, kept, angles, strict=True)):
         _drawing(a, 0)
-        after = axis_rotation(letter, angle) @ now
-        kept, mark = "XYZ".index(letter), "" if k == 0 else marks[k - 1]
-        _frame(a, now, GREY, "", mark, skip=kept)
-        _frame(a, after, BLUE, "", marks[k], skip=kept)
-        _arrow(a, np.zeros(3), 1.06 * after[kept], RED, letter.lower() + mark, width=2.4)
-        for j in range(3):
-            if j != kept:
-                part = axis_rotation(letter, np.linspace(0, angle, 30)) @ now
-                _curve(a, 0.8 * part[:, j], SECOND, "-", 1.4)
-        name = ("φ", "θ", "ψ")[k]
-        title = f"{name} = {np.degrees(angle):.1f}° about {letter.lower()}{mark}".replace("-", "−")
+        now, after, name = stages[n], stages[n + 1], NAMES[k] + marks[n]
+        _frame(a, now, GREY, "", marks[n], skip=k, view=view)
+        _frame(a, after, BLUE, "", marks[n + 1], skip=k, view=view)
+        _arrow(a, np.zeros(3), 1.06 * after[k], RED, name, view, 2.4)
+        part = axis_rotation(sequence[n], np.linspace(0, angle, 30)) @ now
+        for j in {0, 1, 2} - {k}:
+            _curve(a, 0.8 * part[:, j], SECOND, "-", 1.4, view)
+        title = f"{'φθψ'[n]} = {np.degrees(angle):.1f}° about {name}".replace("-", "−")
         a.set_title(title, fontsize=10, pad=12)
-        now = after
         _framed(a)
     return axes
 
@@ -310,6 +311,12 @@ def plot_missed(
 
 
 # --- drawing ---
+
+
+def _clearest(turning: Sequence[np.ndarray]) -> View:
+    """The view that sees no turn about these axes edge-on."""
+    views = [View(np.radians(azimuth), np.radians(26)) for azimuth in range(5, 90, 5)]
+    return max(views, key=lambda view: min(abs(view.basis[2] @ axis) for axis in turning))
 
 
 def _drawing(axes: Axes | None, height: float) -> Axes:
