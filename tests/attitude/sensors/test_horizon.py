@@ -10,6 +10,7 @@ from sensorbook.attitude.sensors.conical import (
     RADIUS,
     Scan,
     angular_radius,
+    greatest_height,
     scan,
     scan_ellipsoid,
     scan_vectors,
@@ -80,6 +81,14 @@ def test_no_crossing_says_why(roll, cone, reason):
     assert np.isnan(fix.nadir).all()
     assert np.isnan(fix.roll_std).all()
     assert all("a crossing is missing" in r for r in fix.reasons)
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.2, -0.1])
+def test_greatest_height(roll):
+    body = tilted(roll, 0.1)
+    most = greatest_height(body, CONE)
+    assert scan(body, 0.999 * most, CONE).reasons == ""
+    assert "passes beside" in scan(body, 1.001 * most, CONE).reasons.item()
 
 
 def test_one_bad_sample_leaves_the_others():

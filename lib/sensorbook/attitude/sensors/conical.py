@@ -62,6 +62,26 @@ def angular_radius(
     return np.arcsin((radius + np.asarray(equivalent_height)) / (radius + height))
 
 
+def greatest_height(
+    attitude: ArrayLike,
+    cone: float,
+    side: int = 1,
+    radius: float = RADIUS,
+    equivalent_height: float = EQUIVALENT_HEIGHT,
+) -> np.ndarray:
+    """The height (…), m, above which the scan passes beside the Earth at attitudes (…, 3, 3).
+
+    Beside it means ρ below |γ − η|, with γ the angle from the scan axis to the nadir; infinite where
+    the scan goes through the nadir.
+    """
+    _check_side(side)
+    nadir = np.asarray(attitude, dtype=float)[..., :, 2]
+    apart = np.abs(np.arccos(np.clip(side * nadir[..., 1], -1, 1)) - _check_cone(cone))
+    sine = np.sin(np.minimum(apart, np.pi / 2))
+    far = (radius + equivalent_height) / np.maximum(sine, 1e-300) - radius
+    return np.where(sine > 0, far, np.inf)
+
+
 def scan_vectors(cone: ArrayLike, angle: ArrayLike, side: int = 1) -> np.ndarray:
     """Lines of sight S = [sin η sin δ, ±cos η, sin η cos δ] in body axes (3.7), (…, 3).
 
