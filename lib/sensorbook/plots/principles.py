@@ -46,7 +46,11 @@ def plot_accelerometer(displacement: float, gap: float, axes: Axes | None = None
         (
             (f"$x$ = {engineering(displacement, 'm')}{larger}", BLUE),
             (f"$d$ = {engineering(gap, 'm')}", GREY),
-            (r"$\frac{C_1 - C_2}{C_1 + C_2} = \frac{x}{d}$" + f" = {displacement / gap:.3g}", RED),
+            (
+                "$(C_1 - C_2)\\,/\\,(C_1 + C_2)$\n$= x\\,/\\,d$ = "
+                + f"{100 * displacement / gap:.3g} %".replace("-", "−"),
+                RED,
+            ),
         )
     ):
         axes.text(8.0, 5.2 - 1.7 * line, words, color=colour, fontsize=10, va="center")
@@ -56,7 +60,7 @@ def plot_accelerometer(displacement: float, gap: float, axes: Axes | None = None
 def plot_sagnac(rate: float, phase: float, axes: Axes | None = None) -> Axes:
     """Light both ways round a fibre coil that turns; `rate` in rad/s (counter-clockwise), `phase` in rad.
 
-    Where the splitter is when the light is back is drawn far off where it was.
+    Where the coupler is when the light is back is drawn far off where it was.
     """
     axes = _canvas(axes, (-5.2, 6.4), (-3.6, 2.7), 3.8)
     axes.add_patch(Circle((0, 0), 2.1, fill=False, ec=PALE, lw=16))
@@ -70,16 +74,29 @@ def plot_sagnac(rate: float, phase: float, axes: Axes | None = None) -> Axes:
                 *(radius * np.array([np.cos(a), np.sin(a)]) for a in angle[[at, at + 3]]),
                 colour,
             )
-    for where, edge, style in ((-90, INK, "-"), (moved, GREY, "--")):
-        place = 2.1 * np.array([np.cos(np.radians(where)), np.sin(np.radians(where))])
-        axes.plot(*_bar(place, where + 45, 0.75), color=edge, lw=2.2, ls=style)
-    _arrow(axes, (-3.9, -2.1), (-0.35, -2.1), INK)
-    axes.text(-4.0, -2.1, "light\nsource", ha="right", va="center", fontsize=9)
-    _arrow(axes, (0, -2.45), (0, -3.15), INK)
-    axes.text(0, -3.2, "detector", ha="center", va="top", fontsize=9)
-    axes.text(-0.75, -2.75, "splitter", ha="right", va="center", fontsize=9)
+    for where, edge, style in ((moved, GREY, "--"), (-90, INK, "-")):
+        x, y = 2.1 * np.cos(np.radians(where)), 2.1 * np.sin(np.radians(where))
+        axes.add_patch(
+            Rectangle(
+                (x - 0.35, y - 0.28), 0.7, 0.56, angle=where + 90, rotation_point="center",
+                fc="white" if style == "-" else "none", ec=edge, ls=style, lw=1.6, zorder=3,
+            )
+        )  # fmt: skip
+    _arrow(axes, (-1.7, -3.0), (-0.36, -2.3), INK)
+    axes.text(-1.8, -3.05, "light source", ha="right", va="center", fontsize=9)
+    _arrow(axes, (0, -2.4), (0, -3.05), INK)
+    axes.text(0.15, -3.15, "detector", ha="left", va="center", fontsize=9)
+    axes.text(-0.6, -1.55, "coupler", ha="center", va="center", fontsize=9)
     if rate:
-        axes.text(2.0, -2.75, "where it has got to", ha="left", va="center", color=GREY, fontsize=9)
+        axes.text(
+            1.6 * np.sign(rate),
+            -2.35,
+            "where it has got to",
+            ha="left" if rate > 0 else "right",
+            va="center",
+            color=GREY,
+            fontsize=9,
+        )
         turn = np.radians(np.linspace(-60, 60, 40))[:: int(np.sign(rate))] + np.pi / 2
         axes.plot(1.1 * np.cos(turn), 1.1 * np.sin(turn), color=GREEN, lw=2)
         _arrow(axes, *(1.1 * np.array([np.cos(a), np.sin(a)]) for a in turn[[-2, -1]]), GREEN)
@@ -277,18 +294,21 @@ def plot_platform_and_strapdown(axes: np.ndarray | None = None) -> np.ndarray:
         _canvas(a, (0, 14.4), (0, 4.2))
     top, bottom = axes
     top.set_title("stable platform: the gimbals do the turning", fontsize=10, loc="left")
-    top.add_patch(Rectangle((0.2, 0.2), 8.0, 3.8, fc="white", ec=GREEN, lw=1.2, ls="--"))
-    top.text(0.4, 3.62, "held level by motors", color=GREEN, fontsize=8.5, va="center")
+    top.add_patch(Rectangle((0.2, 0.2), 3.3, 3.8, fc="white", ec=GREEN, lw=1.2, ls="--"))
+    top.text(0.4, 3.62, "platform in gimbals", color=GREEN, fontsize=8.5, va="center")
     _box(top, (0.5, 2.0), 2.6, "gyroscopes", BLUE)
-    _box(top, (4.3, 2.0), 3.4, "gimbal motors", GREEN)
+    _box(top, (4.5, 2.0), 2.4, "gimbal motors", GREEN)
     _box(top, (0.5, 0.45), 2.6, "accelerometers", RED)
-    _box(top, (9.0, 0.45), 1.9, r"$\int\!\!\int$", INK)
-    _arrow(top, (3.1, 2.6), (4.3, 2.6), INK)
-    _arrow(top, (3.1, 1.05), (9.0, 1.05), INK)
-    top.text(6.0, 1.3, "already along north, east, down", ha="center", fontsize=8.5)
-    _arrow(top, (10.9, 1.05), (11.9, 1.05), INK)
+    _box(top, (8.5, 0.45), 2.6, r"add $g$, $\int\!\!\int$", INK)
+    _arrow(top, (3.1, 2.6), (4.5, 2.6), INK)
+    top.plot([5.7, 5.7], [3.2, 3.7], color=INK, lw=1.6)
+    _arrow(top, (5.7, 3.7), (3.5, 3.7), INK)
+    top.text(5.9, 3.7, "turn it back", va="center", fontsize=8.5)
+    _arrow(top, (3.1, 1.05), (8.5, 1.05), INK)
+    top.text(5.9, 1.3, "already along north, east, down", ha="center", fontsize=8.5)
+    _arrow(top, (11.1, 1.05), (11.9, 1.05), INK)
     top.text(12.0, 1.05, "velocity,\nposition", va="center", fontsize=9)
-    _arrow(top, (7.7, 2.6), (11.9, 2.6), INK)
+    _arrow(top, (6.9, 2.6), (11.9, 2.6), INK)
     top.text(12.0, 2.6, "attitude: the\ngimbals' angles", va="center", fontsize=9)
     bottom.set_title("strapdown: arithmetic does the turning", fontsize=10, loc="left")
     bottom.add_patch(Rectangle((0.2, 0.2), 3.3, 3.8, fc="white", ec=GREEN, lw=1.2, ls="--"))
@@ -296,13 +316,13 @@ def plot_platform_and_strapdown(axes: np.ndarray | None = None) -> np.ndarray:
     _box(bottom, (0.5, 2.0), 2.6, "gyroscopes", BLUE)
     _box(bottom, (4.5, 2.0), 2.4, r"$\int$ attitude", GREEN)
     _box(bottom, (0.5, 0.45), 2.6, "accelerometers", RED)
-    _box(bottom, (4.5, 0.45), 2.4, "turn, add $g$", GREEN)
-    _box(bottom, (9.0, 0.45), 1.9, r"$\int\!\!\int$", INK)
+    _box(bottom, (4.5, 0.45), 2.4, "turn axes", GREEN)
+    _box(bottom, (8.5, 0.45), 2.6, r"add $g$, $\int\!\!\int$", INK)
     _arrow(bottom, (3.1, 2.6), (4.5, 2.6), INK)
     _arrow(bottom, (3.1, 1.05), (4.5, 1.05), INK)
     _arrow(bottom, (5.7, 2.0), (5.7, 1.65), INK)
-    _arrow(bottom, (6.9, 1.05), (9.0, 1.05), INK)
-    _arrow(bottom, (10.9, 1.05), (11.9, 1.05), INK)
+    _arrow(bottom, (6.9, 1.05), (8.5, 1.05), INK)
+    _arrow(bottom, (11.1, 1.05), (11.9, 1.05), INK)
     bottom.text(12.0, 1.05, "velocity,\nposition", va="center", fontsize=9)
     _arrow(bottom, (6.9, 2.6), (11.9, 2.6), INK)
     bottom.text(12.0, 2.6, "attitude", va="center", fontsize=9)
@@ -311,8 +331,9 @@ def plot_platform_and_strapdown(axes: np.ndarray | None = None) -> np.ndarray:
 
 def plot_two_frames(angle: float, vector: ArrayLike, axes: Axes | None = None) -> Axes:
     """One vector (2,) of the reference frame, and a body frame turned by `angle`, rad, about z; to scale."""
-    axes = _canvas(axes, (-1.6, 3.6), (-0.75, 1.55), 3.4)
     vector = np.asarray(vector, dtype=float)
+    tips = [0.0, np.sin(angle), np.cos(angle), vector[1]]
+    axes = _canvas(axes, (-1.6, 3.6), (1.4 * min(tips) - 0.2, 1.55), 3.1)
     for turn, colour, name in ((0.0, GREY, "ref"), (angle, BLUE, "body")):
         for axis, at in (("x", turn), ("y", turn + np.pi / 2)):
             way = np.array([np.cos(at), np.sin(at)])
@@ -334,7 +355,9 @@ def plot_two_frames(angle: float, vector: ArrayLike, axes: Axes | None = None) -
             (f"in body: ({body[0]:.3f}, {body[1]:.3f})", BLUE),
         )
     ):
-        axes.text(1.75, 1.2 - 0.35 * line, words, color=colour, fontsize=10, va="center")
+        axes.text(
+            1.75, 1.2 - 0.35 * line, words.replace("-", "−"), color=colour, fontsize=10, va="center"
+        )
     return axes
 
 
@@ -424,12 +447,6 @@ def _spring(axes: Axes, start: tuple, end: tuple, colour: str = GREY, turns: int
     side = np.concatenate([[0, 0], 0.22 * (-1.0) ** np.arange(2 * turns - 1), [0, 0]])
     points = start + np.outer(along, end - start) + np.outer(side, across)
     axes.plot(*points.T, color=colour, lw=1.3)
-
-
-def _bar(centre: np.ndarray, degrees: float, length: float) -> np.ndarray:
-    """(2, 2) x and y of a bar's ends."""
-    way = 0.5 * length * np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
-    return np.transpose([centre - way, centre + way])
 
 
 def _box(axes: Axes, corner: tuple[float, float], width: float, words: str, colour: str) -> None:

@@ -55,6 +55,8 @@ def plot_growth(time: ArrayLike, errors: Mapping[str, ArrayLike], axes: Axes | N
             lw=1.8,
             label=name,
         )
+    # A Schuler oscillation comes back to zero: the axis begins where the errors do.
+    axes.set_ylim(bottom=min(np.asarray(error)[0] for error in errors.values()) / 2000)
     axes.set_xlabel("time [min]")
     axes.set_ylabel("position error [km]")
     axes.legend(fontsize=8)
