@@ -140,7 +140,7 @@ class Task:
     ----------
     chapter : which
     source, sensor : what it is run on; None for a chapter that needs no device
-    needs : those of the chapter's `needs` whose records in `folder` are of the same device and sensor
+    needs : slugs of chapters whose records in `folder`, if there, are of this device and sensor
     folder : where its files go, and its kernel works
     shown_in : the same folder as the user named it
     name : what it is called in messages
