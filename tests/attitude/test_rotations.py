@@ -465,6 +465,11 @@ BAD = [
         ("ZYX", np.full((3, 3), np.nan)),
         MATRIX + "A Aᵀ differs from the identity by nan;",
     ),
+    (
+        quaternion_from_matrix,
+        (np.diag([1, 1, np.inf]),),
+        MATRIX + "A Aᵀ differs from the identity by",
+    ),
     (euler_from_matrix, ("ZZX", np.eye(3)), "Euler sequence is 'ZZX': give one of XYX, XYZ,"),
     (matrix_from_euler, ("zyx", np.zeros(3)), "Euler sequence is 'zyx': give one of XYX, XYZ,"),
     (lock_margin, ("", np.zeros(3)), "Euler sequence is '': give one of XYX, XYZ,"),

@@ -224,7 +224,8 @@ def _rotation(matrix: ArrayLike) -> Rotation:
     matrix = np.asarray(matrix, dtype=float)
     if matrix.ndim < 2 or matrix.shape[-2:] != (3, 3):
         raise ValueError(f"direction-cosine matrix: shape is {matrix.shape}, needed is (…, 3, 3)")
-    off = np.abs(matrix @ np.swapaxes(matrix, -1, -2) - np.eye(3)).max(initial=0.0)
+    with np.errstate(invalid="ignore"):  # infinity: said below
+        off = np.abs(matrix @ np.swapaxes(matrix, -1, -2) - np.eye(3)).max(initial=0.0)
     if not off <= _WORST:
         raise ValueError(
             f"direction-cosine matrix: A Aᵀ differs from the identity by {off:.2g}; it is no rotation"

@@ -198,7 +198,7 @@ def plot_earth_frames(sidereal: float, axes: Axes | None = None) -> Axes:
     ring = view(1.25 * np.column_stack([np.cos(arc), np.sin(arc), 0 * arc]))
     _in_front(axes, ring, 1.8, SECOND)
     shown = ring[_unhidden(ring)]
-    at = 1.13 * shown[len(shown) // 2, :2] + [0, -0.03]
+    at = 1.13 * shown[len(shown) // 3, :2] + [0, -0.03]
     axes.text(*at, "θ", color="black", ha="center", va="center", fontsize=11)
     return _framed(axes)
 
