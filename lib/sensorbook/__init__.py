@@ -12,7 +12,9 @@ Conventions, stated here once and contradicted nowhere:
   `true = soft_iron · (raw − hard_iron)`.
 - **Thermal models are relative**: B(T) − B(reference temperature) is subtracted, never the reading at
   the reference temperature itself.
-- **Attitude** is passive, v_body = A v_ref; quaternions are scalar-last, reference → body.
+- **Attitude** is passive, v_body = A v_ref; quaternions are scalar-last, reference → body; an attitude's
+  error is the rotation vector, in body axes, from the true attitude to the estimated.
+- **Frames**: inertial is GCRS, Earth-fixed is WGS 84 (ITRS), tangent is north, east, down; times are UTC.
 - **Standard gravity** is 9.80665 m/s² (exact, CGPM 1901).
 """
 
