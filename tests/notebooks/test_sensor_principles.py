@@ -29,6 +29,7 @@ def other(tmp_path_factory):
         light=[500.0, 0.05, 1310.0, 0.24, 632.8],
         stochastic=[10.0, 0.1, 0.0],
         biases=[0.1, 10.0],
+        horizon=[35786.0, 45.0, 90.0],
         kelvin=[240.0, 250.0, 200.0, 260.0],
     )
     return record["results"]["sensor_principles"], page
@@ -164,6 +165,7 @@ def test_horizon(chapter):
         "From 500 km the Earth fills **138°** of the sky, from the geostationary orbit 17.5°"
         in page
     )
+    assert "How long the beam stays on the Earth tells one angle" in page
     assert "The smaller contrast lets one threshold find the limb everywhere" in page
 
 
@@ -186,6 +188,7 @@ def test_sentences_follow_the_parameters(other):
         in page
     )
     assert "At these temperatures the band has no advantage" in page
+    assert "This cone never crosses the limb: it tells nothing" in page
 
 
 def test_a_date_outside_the_model_is_said(tmp_path):

@@ -120,7 +120,7 @@ def test_hall_electrons_go_to_the_edge_that_the_force_names(field):
 
 @pytest.mark.parametrize("field", [[25.0, 3.0, 41.0], [20.0, -4.0, -50.0], [-5.0, 2.0, 60.0]])
 def test_field_vector_is_drawn_as_given(field):
-    above, side = plots.plot_field_vector(1e-6 * np.array(field))
+    above, side = curves.plot_field_vector(1e-6 * np.array(field))
     north, east, down = field
     assert above.get_lines()[2].get_xydata()[1] == pytest.approx([east, north])
     assert side.get_lines()[2].get_xydata()[1] == pytest.approx([np.hypot(north, east), down])
@@ -153,7 +153,7 @@ def test_two_frames_tell_both_sets_of_coordinates():
 
 def test_limb_scan_has_two_crossings_at_the_limb():
     radius, cone, tilt = np.radians([68.9, 45, 60])
-    axes = plots.plot_limb_scan(radius, cone, tilt)
+    axes = curves.plot_limb_scan(radius, cone, tilt)
     disc = next(p for p in axes.patches if isinstance(p, Circle))
     assert disc.get_radius() == pytest.approx(68.9)
     crossings = line(axes, "limb crossing").get_xydata()
@@ -173,7 +173,7 @@ def test_limb_scan_has_two_crossings_at_the_limb():
 
 
 def test_a_scan_that_misses_has_no_crossing():
-    axes = plots.plot_limb_scan(np.radians(8.7), np.radians(45), np.radians(90))
+    axes = curves.plot_limb_scan(np.radians(8.7), np.radians(45), np.radians(90))
     assert len(line(axes, "limb crossing").get_xydata()) == 0
 
 

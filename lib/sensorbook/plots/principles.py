@@ -1,6 +1,6 @@
-"""Drawings of how sensors work, and curves of what follows from it (chapter on sensor principles).
+"""Drawings of how sensors work (chapter on sensor principles).
 
-Drawings are to scale where their docstring says so; numbers in them are those given.
+They are to scale where their docstring says so; numbers in them are those given.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 from numpy.typing import ArrayLike
 
-from sensorbook.plots.style import COLOURS, GREY, THIRD, grid, new_axes
+from sensorbook.plots.style import COLOURS, GREY, THIRD, new_axes
 
 BLUE, RED, GREEN = COLOURS["x"], COLOURS["y"], COLOURS["z"]
 INK, PALE = "#222222", "#EDEDED"
@@ -86,7 +86,7 @@ def plot_sagnac(rate: float, phase: float, axes: Axes | None = None) -> Axes:
     axes.text(-1.8, -3.05, "light source", ha="right", va="center", fontsize=9)
     _arrow(axes, (0, -2.4), (0, -3.05), INK)
     axes.text(0.15, -3.15, "detector", ha="left", va="center", fontsize=9)
-    axes.text(-0.6, -1.55, "coupler", ha="center", va="center", fontsize=9)
+    axes.text(0.6 if rate < 0 else -0.6, -1.55, "coupler", ha="center", va="center", fontsize=9)
     if rate:
         axes.text(
             1.6 * np.sign(rate),
@@ -239,53 +239,6 @@ def plot_hall(current: float, field: float, voltage: float, axes: Axes | None = 
     return axes
 
 
-def plot_field_vector(field: ArrayLike, axes: np.ndarray | None = None) -> np.ndarray:
-    """The Earth's field (3,), T, north, east, down: from above with declination, from the side with dip.
-
-    Both views are to scale, each with axes in µT.
-    """
-    north, east, down = 1e6 * np.asarray(field, dtype=float)
-    level = np.hypot(north, east)
-    if axes is None:
-        _, axes = plt.subplots(1, 2, figsize=(7.2, 3.7), layout="constrained")
-    reach = 1.25 * max(level, abs(down))
-    for a, (right, up), x, y, title in (
-        (axes[0], (east, north), "east [µT]", "north [µT]", "from above"),
-        (axes[1], (level, down), "towards magnetic north [µT]", "down [µT]", "from the side"),
-    ):
-        a.set_title(title, fontsize=9)
-        a.set_xlabel(x)
-        a.set_ylabel(y)
-        a.set_aspect("equal")
-        a.set_xlim(-0.55 * reach, reach)
-        a.set_ylim(-0.55 * reach, reach)
-        grid(a)
-        a.axhline(0, color=GREY, lw=0.8)
-        a.axvline(0, color=GREY, lw=0.8)
-        a.plot([0, right], [0, up], color=BLUE, lw=2.2)
-        a.plot(right, up, "o", color=BLUE, ms=5)
-    axes[0].set_xlim(-0.775 * reach, 0.775 * reach)
-    if north < 0:
-        axes[0].set_ylim(-reach, 0.55 * reach)
-    low, high = (-0.55 * reach, reach) if down >= 0 else (-reach, 0.55 * reach)
-    axes[1].set_ylim(high, low)  # down is down
-    declination, dip = np.arctan2(east, north), np.arctan2(down, level)
-    turn = np.linspace(0, declination, 50)
-    axes[0].plot(0.6 * level * np.sin(turn), 0.6 * level * np.cos(turn), color=RED, lw=1.8)
-    turn = np.linspace(0, dip, 50)
-    axes[1].plot(0.5 * level * np.cos(turn), 0.5 * level * np.sin(turn), color=RED, lw=1.8)
-    for a, name, value in ((axes[0], "declination", declination), (axes[1], "dip", dip)):
-        a.text(
-            0.03,
-            0.04,
-            f"{name} {np.degrees(value):+.1f}°",
-            transform=a.transAxes,
-            color=RED,
-            fontsize=10,
-        )
-    return axes
-
-
 def plot_platform_and_strapdown(axes: np.ndarray | None = None) -> np.ndarray:
     """Two block diagrams: sensors on a gimballed platform, and sensors on the vehicle itself."""
     if axes is None:
@@ -358,50 +311,6 @@ def plot_two_frames(angle: float, vector: ArrayLike, axes: Axes | None = None) -
         axes.text(
             1.75, 1.2 - 0.35 * line, words.replace("-", "−"), color=colour, fontsize=10, va="center"
         )
-    return axes
-
-
-def plot_limb_scan(
-    angular_radius: float, cone: float, tilt: float, axes: Axes | None = None
-) -> Axes:
-    """The Earth's disc as a satellite sees it, and the circle that a conical scan draws over it.
-
-    All in rad: the disc's angular radius, the cone's half angle, the scan axis' angle from the nadir.
-    The distance from the middle is the angle from the nadir, to scale.
-    """
-    axes = new_axes(axes, 4.4)
-    reach = np.degrees(max(angular_radius, tilt + cone)) * 1.15
-    axes.add_patch(
-        Circle((0, 0), np.degrees(angular_radius), fc="#DCEBF5", ec=BLUE, lw=1.6, label="Earth")
-    )
-    turn = np.linspace(0, 2 * np.pi, 1441)
-    about = np.array([np.sin(tilt), 0, np.cos(tilt)])
-    first, second = np.array([-np.cos(tilt), 0, np.sin(tilt)]), np.array([0, 1, 0])
-    lines = np.cos(cone) * about + np.sin(cone) * (
-        np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
-    )
-    away = np.degrees(np.arccos(np.clip(lines[:, 2], -1, 1)))
-    azimuth = np.arctan2(lines[:, 1], lines[:, 0])
-    x, y = away * np.cos(azimuth), away * np.sin(azimuth)
-    inside = away < np.degrees(angular_radius)
-    for part, colour, style, label in (
-        (inside, RED, "-", "scan over the Earth"),
-        (~inside, GREY, "--", "scan over space"),
-    ):
-        axes.plot(
-            np.where(part, x, np.nan), np.where(part, y, np.nan), style, color=colour, lw=2, label=label
-        )  # fmt: skip
-    ends = np.nonzero(np.diff(inside.astype(int)))[0]
-    axes.plot(x[ends], y[ends], "o", color=INK, ms=7, label="limb crossing")
-    axes.plot(0, 0, "+", color=BLUE, ms=10, label="nadir")
-    axes.plot(np.degrees(tilt), 0, "x", color=GREY, ms=8, label="scan axis")
-    axes.set_aspect("equal")
-    axes.set_ylim(-reach, reach)
-    axes.set_xlim(-np.degrees(angular_radius) * 1.15, reach)
-    axes.set_xlabel("angle from the nadir, towards the scan axis [°]")
-    axes.set_ylabel("angle from the nadir, across [°]")
-    grid(axes)
-    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5))
     return axes
 
 
