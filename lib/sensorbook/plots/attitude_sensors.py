@@ -68,7 +68,11 @@ def plot_four_cells(tilt: float, sun: np.ndarray, axes: Axes | None = None) -> A
         corners = centre + 0.24 * np.array([side + up, side - up, -side - up, -side + up])
         lit = max(float(normal @ sun), 0.0)
         axes.plot_trisurf(
-            *corners.T, triangles=[[0, 1, 2], [0, 2, 3]], color=plt.cm.Oranges(0.15 + 0.6 * lit)
+            *corners.T,
+            triangles=[[0, 1, 2], [0, 2, 3]],
+            color=plt.cm.Oranges(0.1 + 0.5 * lit),
+            shade=False,
+            edgecolor=GREY,
         )
         axes.quiver(*centre, *(0.5 * normal), color=GREY, lw=1, arrow_length_ratio=0.15)
         axes.text(*(centre + 0.62 * normal), f"n{'₁₂₃₄'[k]}", ha="center")
@@ -144,15 +148,15 @@ def plot_sun_vector(alpha: float, beta: float, axes: Axes | None = None) -> Axes
     axes.quiver(0, 0, 0, *point, color=RED, lw=2, arrow_length_ratio=0.06)
     axes.text(*(1.06 * point), "Sun", color=RED)
     for part, name, colour, lift in (
-        (point * [1, 1, 0], f"α = {np.degrees(alpha):.0f}°", BLUE, -0.14),
-        (point * [1, 0, 1], f"β = {np.degrees(beta):.0f}°", GREEN, 0.08),
+        (point * [1, 1, 0], f"α = {np.degrees(alpha):.0f}°", BLUE, -0.05),
+        (point * [1, 0, 1], f"β = {np.degrees(beta):.0f}°", GREEN, 0.02),
     ):
         axes.plot(*np.stack([0 * part, part, point]).T, "--", color=colour, lw=1)
         turn = np.linspace(0, 1, 30)[:, None]
         arc = (1 - turn) * np.array([1.0, 0, 0]) + turn * part
         arc *= 0.5 / np.linalg.norm(arc, axis=1, keepdims=True)
         axes.plot(*arc.T, color=colour)
-        axes.text(*(0.7 * part + [0, 0, lift]), name, color=colour)
+        axes.text(*(1.04 * part + [0, 0, lift]), name, color=colour)
     _triad(axes, 0.8)
     lows, highs = np.minimum(point, 0) - 0.05, np.maximum(point, 0.85)
     _cube(axes, *zip(lows, highs, strict=True))
@@ -193,7 +197,7 @@ def plot_scans(
                 axes.annotate(str(number), place, (7, 5), textcoords="offset points", weight="bold")
             number += 1
     axes.plot(0, 0, ".", color="black")
-    axes.annotate("z", (0, 0), (4, -11), textcoords="offset points")
+    axes.annotate("z", (0, 0), (-12, 5), textcoords="offset points")
     axes.set_aspect("equal")
     axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1), borderaxespad=0)
     return _labels(axes, "towards y [°]", "towards x [°]", 45)
@@ -220,9 +224,7 @@ def plot_section(height: float, radius: float, equivalent: float, axes: Axes | N
     axes.add_patch(Arc((0, far), opening, opening, theta1=270, theta2=middle, color=RED))
     axes.annotate(
         f"ρ = {np.degrees(rho):.1f}°",
-        (0.5 * opening * np.sin(rho / 2), far - 0.5 * opening * np.cos(rho / 2)),
-        (4, -12),
-        textcoords="offset points",
+        (0.04 * infrared, far - 0.5 * opening - 0.1 * infrared),
         color=RED,
     )
     axes.set_aspect("equal")
@@ -244,7 +246,10 @@ def plot_signal(
         if np.isfinite(at):
             at = np.degrees((at + np.pi) % (2 * np.pi) - np.pi)
             axes.axvline(at, color=RED, ls="--", lw=1)
-            axes.annotate(f"{name} = {at:.1f}°", (at, 1.06), ha="center", fontsize=9, color=RED)
+            axes.annotate(
+                f"{name} = {at:.1f}°", (at, 1.08), ha="center", fontsize=9, color=RED,
+                bbox={"fc": "white", "ec": "none", "pad": 1.5},
+            )  # fmt: skip
     axes.set_ylim(-0.08, 1.2)
     axes.legend(fontsize=8, loc="center right")
     return _labels(axes, "scan angle δ [°]", "signal, share of the Earth's [1]", 45)
@@ -428,7 +433,7 @@ def _cube(axes: Axes, x, y, z) -> None:
     axes.set_xlim(*x)
     axes.set_ylim(*y)
     axes.set_zlim(*z)
-    axes.set_box_aspect([np.ptp(x), np.ptp(y), np.ptp(z)])
+    axes.set_box_aspect([np.ptp(x), np.ptp(y), np.ptp(z)], zoom=1.35)
     axes.set_axis_off()
 
 

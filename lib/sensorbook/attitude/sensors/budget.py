@@ -73,7 +73,7 @@ CONTRIBUTIONS = (
     Contribution(
         "star sensor", "centroid noise", 0.1, "pixel", "a tenth of a pixel, a usual figure"
     ),
-    Contribution("star sensor", "focal length", 1e-5, "of it", "calibration and thermal growth"),
+    Contribution("star sensor", "focal length", 10.0, "ppm", "calibration and thermal growth"),
     Contribution(
         "star sensor", "alignment", 1.0, "″", "launch and thermal bending of the mounting"
     ),
@@ -160,7 +160,7 @@ def _star(sizes, samples, height, rng):
     for i in range(count):
         body = horizon.tilted(*rng.uniform(-np.pi, np.pi, 3))
         offset = ARCSECOND * sizes["alignment"] * rng.standard_normal(3)
-        stretch = 1 + sizes["focal length"] * rng.standard_normal()
+        stretch = 1 + 1e-6 * sizes["focal length"] * rng.standard_normal()
         seen = star.take_image(camera, body, sky)
         noise = rng.standard_normal(seen.places.shape)
         places = camera.centre + stretch * (seen.places - camera.centre)

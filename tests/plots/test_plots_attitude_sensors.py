@@ -1,0 +1,107 @@
+"""Figures of attitude sensors: what they draw, with labels and units."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from sensorbook.attitude.sensors import budget, conical, horizon, magnetic, star, static, sun
+from sensorbook.plots import attitude_sensors as plots
+
+HEIGHT, CONE, TILT = 700e3, np.radians(45), np.radians(45)
+BODY = horizon.tilted(0.1, -0.07)
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+def line(axes, label):
+    return next(a.get_xydata() for a in axes.get_lines() if a.get_label() == label)
+
+
+def test_cell_and_pair():
+    axes = plots.plot_cell(np.radians(35))
+    assert axes.get_xlabel() == "angle of the Sun from the normal [°]"
+    assert line(axes, "angles that fit one reading") == pytest.approx(
+        np.array([[-35, np.cos(np.radians(35))], [35, np.cos(np.radians(35))]])
+    )
+    axes = plots.plot_pair(TILT)
+    difference = line(axes, "I₁ − I₂")
+    at = np.argmin(np.abs(difference[:, 0] - 30))
+    assert difference[at, 1] == pytest.approx(2 * np.sin(TILT) * np.sin(np.radians(30)))
+
+
+def test_slit():
+    sensor = sun.SlitSensor(10e-3, 7e-6, 2048)
+    axes = plots.plot_slit(sensor, np.radians(20))
+    ray = axes.get_lines()[0].get_xydata()
+    assert ray[1] == pytest.approx([10 * np.tan(np.radians(20)), 0])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("along the detector [mm]", "above it [mm]")
+    teeth = plots.plot_slit_errors(sensor).get_lines()[0].get_ydata()
+    assert np.abs(teeth).max() == pytest.approx(3600 * np.degrees(7e-4) / 2, rel=0.01)
+
+
+@pytest.mark.parametrize("draw", [
+    lambda: plots.plot_four_cells(TILT, np.array([0.3, -0.2, 0.93])),
+    lambda: plots.plot_sun_vector(0.5, -0.3),
+])  # fmt: skip
+def test_space_figures_name_the_sun_and_the_axes(draw):
+    assert {"Sun", "x", "y", "z"} <= {t.get_text() for t in draw().texts}
+
+
+def test_scans_draw_the_limb_the_path_and_the_crossings():
+    first, second = conical.scan(BODY, HEIGHT, CONE), conical.scan(BODY, HEIGHT, CONE, -1)
+    axes = plots.plot_scans({"Earth": BODY[:, 2]}, HEIGHT, CONE, {1: first, -1: second})
+    dots = [a for a in axes.get_lines() if a.get_marker() == "o"]
+    assert len(dots) == 4
+    for dot in dots:
+        for name in ("Earth", "scan about y", "scan about −y"):
+            gap = np.linalg.norm(line(axes, name) - dot.get_xydata(), axis=1).min()
+            if name == "Earth":
+                assert gap < 1, "on the limb"
+    assert axes.get_xlabel() == "towards y [°]"
+    gone = conical.scan(BODY, 8000e3, np.radians(20))
+    axes = plots.plot_scans({"Earth": BODY[:, 2]}, 8000e3, np.radians(20), {1: gone})
+    assert not [a for a in axes.get_lines() if a.get_marker() == "o"]
+
+
+def test_section_and_signal():
+    axes = plots.plot_section(HEIGHT, conical.RADIUS, conical.EQUIVALENT_HEIGHT)
+    limb = [a.get_xydata()[0] for a in axes.get_lines() if a.get_marker() == "o"]
+    assert np.linalg.norm(limb, axis=1) == pytest.approx(6.411)
+    first = conical.scan(BODY, HEIGHT, CONE)
+    angle = np.linspace(-np.pi, np.pi, 9)
+    axes = plots.plot_signal(angle, np.zeros(9), first)
+    assert f"δ₁ = {np.degrees(first.enter):.1f}°" in [t.get_text() for t in axes.texts]
+
+
+def test_static_shows_its_signals():
+    sensor = static.StaticSensor(HEIGHT, np.radians(5))
+    axes = plots.plot_static(sensor, BODY[:, 2], HEIGHT, np.array([0.1, 0.2, 0.3, 0.4]))
+    assert {"1: 0.10", "4: 0.40"} <= {t.get_text() for t in axes.texts}
+
+
+def test_field_stars_and_gyroscope():
+    vectors = np.eye(3) * 1e-5
+    orbit = magnetic.OrbitField(np.arange(3.0), vectors[0], vectors[0], vectors, vectors, vectors)
+    axes = plots.plot_field(orbit)
+    assert line(axes[0], "north")[:, 1] == pytest.approx([10, 0, 0])
+    assert axes[0].get_ylabel() == "field [µT]"
+    camera = star.StarSensor(7000, 1024, 1024)
+    places = np.array([[100.0, 200], [300, 50]])
+    assert line(plots.plot_stars(camera, places, places + 1, 10), "star") == pytest.approx(places)
+    axes = plots.plot_pinhole(camera, 0.05)
+    assert axes.get_lines()[-1].get_xydata()[0] == pytest.approx([7000, 7000 * np.tan(0.05)])
+    axes = plots.plot_gyroscope(np.array([0, 60.0]), np.array([0, 0.1]), np.zeros(2), np.ones(2))
+    assert line(axes, "as read")[1] == pytest.approx([1, np.degrees(0.1)])
+
+
+def test_budget_bars_are_degrees():
+    found = (budget.Accuracy("a sensor", {"one": 0.01, "two": 0.02}, 0.03, 0.04, 0.0),) * 2
+    axes = plots.plot_budget(found)
+    assert [p.get_width() for p in axes[0].patches] == pytest.approx(
+        np.degrees([0.01, 0.02, 0.03, 0.04])
+    )
+    assert axes[-1].get_xlabel() == "rms error, each axis [°]"
