@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Arc, Circle, Polygon, Rectangle
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from sensorbook.attitude.sensors.budget import DEGREE, Accuracy
 from sensorbook.attitude.sensors.conical import Scan, angular_radius, scan_vectors
@@ -67,19 +68,14 @@ def plot_four_cells(tilt: float, sun: np.ndarray, axes: Axes | None = None) -> A
         up = np.cross(normal, side)
         corners = centre + 0.24 * np.array([side + up, side - up, -side - up, -side + up])
         lit = max(float(normal @ sun), 0.0)
-        axes.plot_trisurf(
-            *corners.T,
-            triangles=[[0, 1, 2], [0, 2, 3]],
-            color=plt.cm.Oranges(0.1 + 0.5 * lit),
-            shade=False,
-            edgecolor=GREY,
-        )
+        colour = plt.cm.Oranges(0.1 + 0.5 * lit)
+        axes.add_collection3d(Poly3DCollection([corners], facecolors=[colour], edgecolors=[GREY]))
         axes.quiver(*centre, *(0.5 * normal), color=GREY, lw=1, arrow_length_ratio=0.15)
         axes.text(*(centre + 0.62 * normal), f"n{'₁₂₃₄'[k]}", ha="center")
     axes.quiver(0, 0, 0, *(1.25 * sun), color=RED, lw=2, arrow_length_ratio=0.08)
     axes.text(*(1.35 * sun), "Sun", color=RED)
     _triad(axes, 0.9)
-    _cube(axes, [-0.9, 0.9], [-0.9, 0.9], [-0.3, 1.3])
+    _cube(axes, [-0.9, 0.9], [-0.9, 0.9], [-0.3, 1.3], zoom=1.35)
     return axes
 
 
@@ -149,7 +145,7 @@ def plot_sun_vector(alpha: float, beta: float, axes: Axes | None = None) -> Axes
     axes.text(*(1.06 * point), "Sun", color=RED)
     for part, name, colour, lift in (
         (point * [1, 1, 0], f"α = {np.degrees(alpha):.0f}°", BLUE, -0.05),
-        (point * [1, 0, 1], f"β = {np.degrees(beta):.0f}°", GREEN, 0.02),
+        (point * [1, 0, 1], f"β = {np.degrees(beta):.0f}°", GREEN, -0.04),
     ):
         axes.plot(*np.stack([0 * part, part, point]).T, "--", color=colour, lw=1)
         turn = np.linspace(0, 1, 30)[:, None]
@@ -429,11 +425,11 @@ def _triad(axes: Axes, length: float) -> None:
         axes.text(*(1.08 * end), name)
 
 
-def _cube(axes: Axes, x, y, z) -> None:
+def _cube(axes: Axes, x, y, z, zoom: float = 1.0) -> None:
     axes.set_xlim(*x)
     axes.set_ylim(*y)
     axes.set_zlim(*z)
-    axes.set_box_aspect([np.ptp(x), np.ptp(y), np.ptp(z)], zoom=1.35)
+    axes.set_box_aspect([np.ptp(x), np.ptp(y), np.ptp(z)], zoom=zoom)
     axes.set_axis_off()
 
 

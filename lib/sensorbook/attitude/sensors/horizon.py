@@ -116,18 +116,19 @@ def one_cone(
     cone, side : as scanned
     sigma : standard error of each crossing, rad
     """
-    sines = np.asarray(angular_radius(height, radius, equivalent_height), dtype=float)
     enter, leave, rho = np.broadcast_arrays(
-        np.asarray(crossings.enter, dtype=float), np.asarray(crossings.leave, dtype=float), sines
+        np.asarray(crossings.enter, dtype=float),
+        np.asarray(crossings.leave, dtype=float),
+        angular_radius(height, radius, equivalent_height),
     )
-    sigma = _check_sigma(sigma)
+    sigma = check_sigma(sigma)
     code = np.full(enter.shape, _OK)
     missing = ~(np.isfinite(enter) & np.isfinite(leave))
     width = np.where(missing, 1.0, np.mod(leave - enter, 2 * np.pi) / 2)
     middle = np.where(missing, 0.0, enter) + width
     towards, along = np.sin(cone) * np.cos(width), np.cos(cone) * np.ones_like(width)
     size, lean = np.hypot(towards, along), np.arctan2(towards, along)
-    # The determinant of both crossings and the nadir is this times 2 sin η sin w.
+    # The determinant of both crossings and the nadir is its root times 2 sin η sin w.
     plane = size**2 - np.cos(rho) ** 2
     code[plane < LEAST_PLANE**2] = _PLANE
     code[plane < -(LEAST_PLANE**2)] = _NO_FIT
@@ -144,11 +145,11 @@ def one_cone(
     nadir = np.take_along_axis(solutions, chosen[..., None, None], axis=-2)[..., 0, :]
     good = code == _OK
     sights = np.stack([scan_vectors(cone, middle + sign * width, side) for sign in (-1, 1)], -2)
-    slopes = _slopes(sights, nadir, side)
+    slopes = _slopes(sights, nadir)
     errors = _errors(sights, slopes, nadir, sigma, good, None)
     choice = np.where(good, np.where(fits.all(axis=-1), NEARER, ONLY), "")
     return HorizonFix(
-        _blank(nadir, good),
+        blank(nadir, good),
         np.where(good, np.broadcast_to(height, good.shape), np.nan),
         np.where(good[..., None, None], solutions, np.nan),
         fits & good[..., None],
@@ -180,7 +181,7 @@ def two_cones(
     cone : η of both, rad
     sigma : standard error of each crossing, rad
     """
-    sigma = _check_sigma(sigma)
+    sigma = check_sigma(sigma)
     angles = np.stack(
         np.broadcast_arrays(
             *(np.asarray(a, dtype=float) for s in (first, second) for a in (s.enter, s.leave))
@@ -229,7 +230,7 @@ def two_cones(
     if sigma is not None:
         height_std = errors[-1] * (radius + equivalent_height) * cosine / sine**3
     return HorizonFix(
-        _blank(nadir, good),
+        blank(nadir, good),
         np.where(good, height, np.nan),
         None,
         None,
@@ -249,7 +250,7 @@ def _step(sights, slopes, used, nadir, cosine):
     )
     left = cosine[..., None] - np.einsum("...ki,...i->...k", sights, nadir)
     normal = np.einsum("...ki,...k,...kj->...ij", rows, weight, rows)
-    normal = _closed(normal, nadir)
+    normal = closed(normal, nadir)
     none = ~used.any(axis=-1)
     normal = np.where(none[..., None, None], np.eye(4), normal)
     right = np.einsum("...ki,...k,...k->...i", rows, weight, left)
@@ -258,12 +259,12 @@ def _step(sights, slopes, used, nadir, cosine):
     return nadir / np.linalg.norm(nadir, axis=-1, keepdims=True), cosine + step[..., 3]
 
 
-def _slopes(sights, nadir, side):
+def _slopes(sights, nadir):
     """d(S·n)/dδ of crossings (…, k)."""
     return sights[..., 2] * nadir[..., None, 0] - sights[..., 0] * nadir[..., None, 2]
 
 
-def _closed(normal, nadir):
+def closed(normal, nadir):
     """The normal matrix made invertible about the nadir, which changes nothing else."""
     about = np.trace(normal[..., :3, :3], axis1=-2, axis2=-1) / 2
     normal = normal.copy()
@@ -285,8 +286,8 @@ def _errors(sights, slopes, nadir, sigma, good, seen):
         rows = np.concatenate([rows, -np.ones((*sights.shape[:-1], 1))], axis=-1)
     full = np.einsum("...ki,...k,...kj->...ij", rows, weight, rows)
     information = full[..., :3, :3]
-    closed = np.where(good[..., None, None], _closed(full, nadir), np.eye(full.shape[-1]))
-    inverse = np.linalg.inv(closed)
+    normal = np.where(good[..., None, None], closed(full, nadir), np.eye(full.shape[-1]))
+    inverse = np.linalg.inv(normal)
     cosine_std = ()
     if seen is not None:
         last = np.where(good, full[..., 3, 3], 1.0)[..., None, None]
@@ -305,11 +306,11 @@ def _errors(sights, slopes, nadir, sigma, good, seen):
     return covariance, information, roll_std, pitch_std, *cosine_std
 
 
-def _blank(vectors, good):
+def blank(vectors, good):
     return np.where(good[..., None], vectors, np.nan)
 
 
-def _check_sigma(sigma: float | None) -> float | None:
+def check_sigma(sigma: float | None) -> float | None:
     if sigma is not None and not (np.ndim(sigma) == 0 and np.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma is {sigma}: give one positive standard error in rad, or None")
     return sigma

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sensorbook.attitude.sensors.conical import EQUIVALENT_HEIGHT, RADIUS, angular_radius
-from sensorbook.attitude.sensors.horizon import UNOBSERVABLE, _blank, _check_sigma, _closed
+from sensorbook.attitude.sensors.horizon import UNOBSERVABLE, blank, check_sigma, closed
 
 REASONS = (
     "",
@@ -166,7 +166,7 @@ def tilt(sensor: StaticSensor, signals: ArrayLike, sigma: float | None = None) -
     for the nadir and ρ, which holds wherever all four fields are cut by the limb. `sigma` is the
     standard error of each signal.
     """
-    signals, sigma = np.asarray(signals, dtype=float), _check_sigma(sigma)
+    signals, sigma = np.asarray(signals, dtype=float), check_sigma(sigma)
     if signals.ndim < 1 or signals.shape[-1] != 4:
         raise ValueError(f"signals: shape is {signals.shape}, needed is (…, 4)")
     finite = np.isfinite(signals).all(axis=-1)
@@ -186,7 +186,7 @@ def tilt(sensor: StaticSensor, signals: ArrayLike, sigma: float | None = None) -
     centres = sensor.directions
     for _ in range(40):
         rows, left = _linear(sensor.field, centres, nadir, rho, given)
-        normal = _closed(np.einsum("...ki,...kj->...ij", rows, rows), nadir)
+        normal = closed(np.einsum("...ki,...kj->...ij", rows, rows), nadir)
         normal = normal + 1e-12 * np.eye(4)  # where a step leaves a field uncut
         step = np.linalg.solve(normal, np.einsum("...ki,...k->...i", rows, left)[..., None])[..., 0]
         most = np.abs(step).max(axis=-1, keepdims=True)
@@ -203,7 +203,7 @@ def tilt(sensor: StaticSensor, signals: ArrayLike, sigma: float | None = None) -
     if sigma is not None:
         errors = _errors(rows, nadir, rho, sphere, sigma, good)
     return StaticFix(
-        _blank(nadir, good),
+        blank(nadir, good),
         np.where(good, height, np.nan),
         np.where(good, across[..., 1], np.nan),
         np.where(good, -across[..., 0], np.nan),
@@ -231,7 +231,7 @@ def _errors(rows, nadir, rho, sphere, sigma, good):
     """Standard errors of roll, pitch and height, and the information on the attitude."""
     full = np.einsum("...ki,...kj->...ij", rows, rows) / sigma**2
     full = np.where(good[..., None, None], full, np.eye(4))
-    inverse = np.linalg.inv(_closed(full, nadir))
+    inverse = np.linalg.inv(closed(full, nadir))
     information = full[..., :3, :3] - full[..., :3, 3:] * full[..., 3:, :3] / full[..., 3:, 3:]
     turn = np.cross(nadir[..., None, :], np.eye(3))
     covariance = np.einsum("...ki,...kl,...lj->...ij", turn, inverse[..., :3, :3], turn)
