@@ -1,7 +1,8 @@
 """What makes up a sensor's accuracy: named errors, each simulated alone and all together (C, table 3.1).
 
-The sizes are typical ones, declared here with their origin; they were not adjusted to C's figures. An
-error is counted in each of the two axes across the measured direction: √(mean angle² / 2).
+The sizes are computed where that is possible, else assumptions of the usual order, declared here with
+their reason; they were not adjusted to C's figures. An error is counted in each of the two axes across
+the measured direction: √(mean angle² / 2).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Contribution:
     ----------
     sensor, name : as in `TABLE`
     size : one standard deviation an axis, in `unit`; 1 switches on what has no size
-    origin : where the size comes from
+    origin : where the size comes from, and whether it is assumed
     """
 
     sensor: str
@@ -71,31 +72,47 @@ TABLE = {
 
 CONTRIBUTIONS = (
     Contribution(
-        "star sensor", "centroid noise", 0.1, "pixel", "a tenth of a pixel, a usual figure"
-    ),
-    Contribution("star sensor", "focal length", 10.0, "ppm", "calibration and thermal growth"),
-    Contribution(
-        "star sensor", "alignment", 1.0, "″", "launch and thermal bending of the mounting"
-    ),
-    Contribution("Sun sensor", "pixel quantisation", 1.0, "", "7 µm pixels 10 mm under the slit"),
-    Contribution(
-        "Sun sensor", "alignment", 0.5, "′", "a mounting surveyed to half a minute of arc"
+        "star sensor",
+        "centroid noise",
+        0.1,
+        "pixel",
+        "assumed: plain centres of mass, uncalibrated",
     ),
     Contribution(
-        "horizon sensor", "infrared horizon", 3.0, "km", "weather and season in the 15 µm band"
+        "star sensor", "focal length", 10.0, "ppm", "assumed: thermal growth after calibration"
+    ),
+    Contribution("star sensor", "alignment", 1.0, "″", "assumed: thermal bending of the mounting"),
+    Contribution(
+        "Sun sensor", "pixel quantisation", 1.0, "", "computed: 7 µm pixels 10 mm under the slit"
+    ),
+    Contribution("Sun sensor", "alignment", 0.5, "′", "assumed: accuracy of the survey"),
+    Contribution(
+        "horizon sensor",
+        "infrared horizon",
+        3.0,
+        "km",
+        "assumed: weather and season in the CO₂ band",
     ),
     Contribution(
-        "horizon sensor", "oblateness neglected", 1.0, "", "WGS 84 read as a sphere (C 3.5)"
+        "horizon sensor",
+        "oblateness neglected",
+        1.0,
+        "",
+        "computed: WGS 84 read as a sphere (C 3.5)",
     ),
     Contribution(
-        "horizon sensor", "crossing noise", 0.02, "°", "detector noise over the limb's slope"
+        "horizon sensor",
+        "crossing noise",
+        0.02,
+        "°",
+        "assumed: detector noise over the limb's slope",
     ),
     Contribution(
-        "magnetometer", "field model", 0.1, "µT", "crust and currents that the IGRF leaves out"
+        "magnetometer", "field model", 0.1, "µT", "bound of the IGRF in orbit, without storms"
     ),
-    Contribution("magnetometer", "bias", 0.2, "µT", "the satellite's own field after calibration"),
-    Contribution("magnetometer", "noise", 0.02, "µT", "a fluxgate or magnetoresistive sensor"),
-    Contribution("magnetometer", "alignment", 0.1, "°", "axes of the sensor and of the body"),
+    Contribution("magnetometer", "bias", 0.2, "µT", "assumed: the satellite's own magnets"),
+    Contribution("magnetometer", "noise", 0.02, "µT", "assumed: a magnetoresistive sensor"),
+    Contribution("magnetometer", "alignment", 0.1, "°", "assumed: axes of sensor and body"),
 )
 
 
