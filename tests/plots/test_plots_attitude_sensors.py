@@ -6,6 +6,7 @@ import pytest
 
 from sensorbook.attitude.sensors import budget, conical, horizon, magnetic, star, static, sun
 from sensorbook.plots import attitude_sensors as plots
+from sensorbook.plots import sun_sensors
 
 HEIGHT, CONE, TILT = 700e3, np.radians(45), np.radians(45)
 BODY = horizon.tilted(0.1, -0.07)
@@ -22,30 +23,43 @@ def line(axes, label):
 
 
 def test_cell_and_pair():
-    axes = plots.plot_cell(np.radians(35))
+    axes = sun_sensors.plot_cell(np.radians(35))
     assert axes.get_xlabel() == "angle of the Sun from the normal [°]"
     assert line(axes, "angles that fit one reading") == pytest.approx(
         np.array([[-35, np.cos(np.radians(35))], [35, np.cos(np.radians(35))]])
     )
-    axes = plots.plot_pair(TILT)
+    axes = sun_sensors.plot_pair(TILT)
     difference = line(axes, "I₁ − I₂")
     at = np.argmin(np.abs(difference[:, 0] - 30))
     assert difference[at, 1] == pytest.approx(2 * np.sin(TILT) * np.sin(np.radians(30)))
 
 
+def test_cell_geometry():
+    one, pair = sun_sensors.plot_cell_geometry(np.radians(30), TILT)
+    cell = one.get_lines()[0].get_xydata()
+    assert cell[:, 1] == pytest.approx(0), "level: its normal is up"
+    slopes = [np.diff(a.get_xydata(), axis=0)[0] for a in pair.get_lines() if a.get_lw() == 5]
+    assert [s[1] / s[0] for s in slopes] == pytest.approx([-1, 1])  # 45° either way
+    assert {"n₁", "n₂", "Sun", "θ"} <= {t.get_text() for t in pair.texts}
+    rays = [np.diff(a.get_xydata(), axis=0)[0] for a in pair.get_lines() if a.get_lw() == 0.8]
+    assert np.arctan2(*np.array(rays).T) == pytest.approx(np.radians(30))
+    behind = sun_sensors.plot_cell_geometry(np.radians(60), TILT)[1]
+    assert sum(a.get_lw() == 0.8 for a in behind.get_lines()) == 3, "one cell is dark"
+
+
 def test_slit():
     sensor = sun.SlitSensor(10e-3, 7e-6, 2048)
-    axes = plots.plot_slit(sensor, np.radians(20))
+    axes = sun_sensors.plot_slit(sensor, np.radians(20))
     ray = axes.get_lines()[0].get_xydata()
     assert ray[1] == pytest.approx([10 * np.tan(np.radians(20)), 0])
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("along the detector [mm]", "above it [mm]")
-    teeth = plots.plot_slit_errors(sensor).get_lines()[0].get_ydata()
+    teeth = sun_sensors.plot_slit_errors(sensor).get_lines()[0].get_ydata()
     assert np.abs(teeth).max() == pytest.approx(3600 * np.degrees(7e-4) / 2, rel=0.01)
 
 
 @pytest.mark.parametrize("draw", [
-    lambda: plots.plot_four_cells(TILT, np.array([0.3, -0.2, 0.93])),
-    lambda: plots.plot_sun_vector(0.5, -0.3),
+    lambda: sun_sensors.plot_four_cells(TILT, np.array([0.3, -0.2, 0.93])),
+    lambda: sun_sensors.plot_sun_vector(0.5, -0.3),
 ])  # fmt: skip
 def test_space_figures_name_the_sun_and_the_axes(draw):
     assert {"Sun", "x", "y", "z"} <= {t.get_text() for t in draw().texts}

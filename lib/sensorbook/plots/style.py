@@ -53,3 +53,15 @@ def log_log(axes: Axes) -> None:
 def grid(axes: Axes) -> None:
     """A light grid on linear axes."""
     axes.grid(color="#DDDDDD", linewidth=0.6)
+
+
+def labelled(axes: Axes, x: str, y: str, step: float | None = None) -> Axes:
+    """Axes with their names and a grid; every `step` in x, and in y where the scales are equal."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if step:
+        axes.xaxis.set_major_locator(plt.MultipleLocator(step))
+        if axes.get_aspect() == 1.0:
+            axes.yaxis.set_major_locator(plt.MultipleLocator(step))
+    grid(axes)
+    return axes
