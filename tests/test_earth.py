@@ -202,7 +202,7 @@ def test_universal_time_is_the_julian_date():
 )
 def test_a_time_before_utc_or_missing(function, time):
     with pytest.raises(
-        ValueError, match="time is missing or before 1972, when UTC began: give UTC"
+        ValueError, match="time is missing, before 1972, when UTC began, or after 2200: give UTC"
     ):
         function(time)
 
@@ -304,3 +304,15 @@ def test_meridian_radius():
     """(1 − e²) a at the equator, a / √(1 − e²) at the poles (NIMA TR8350.2: c = 6 399 593.6258 m)."""
     assert meridian_radius(0.0) == pytest.approx(6335439.3273, abs=1e-3)
     assert meridian_radius([np.pi / 2, -np.pi / 2]) == pytest.approx(6399593.6258, abs=1e-3)
+
+
+def test_bare_numbers_are_no_times():
+    with pytest.raises(ValueError, match=r"time is a bare number, 1\.7e"):
+        sidereal_angle(1.7e18)
+    with pytest.raises(ValueError, match="after 2200"):
+        sidereal_angle("2500-01-01")
+
+
+def test_field_at_degrees_is_refused():
+    with pytest.raises(ValueError, match="beyond ±π/2 rad or no number"):
+        field_in_ned(45.0, 0.1, 0.0, "2025-01-01")

@@ -38,7 +38,8 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
     """Normal gravity, m/s², at a geodetic latitude (deg) and height above the ellipsoid (m).
 
     Somigliana's formula and its second-order upward continuation (NIMA TR8350.2, equations 4-1 and
-    4-3). Real gravity differs by local anomalies, seldom more than 0.001 m/s².
+    4-3), which holds to some 100 km. Real gravity differs by local anomalies, seldom more than
+    0.001 m/s².
 
     >>> round(normal_gravity(45.0), 5)
     9.8062
@@ -132,7 +133,7 @@ def field_in_ned(
         first, end = FIELD_YEARS
         raise ValueError(f"date is {date}: the IGRF holds from {first} to {end}")
     # At a pole east has no direction; 10 cm away the field is the same.
-    degrees = np.clip(np.degrees(latitude), -90 + 1e-6, 90 - 1e-6)
+    degrees = np.clip(np.degrees(checked_latitude(latitude)), -90 + 1e-6, 90 - 1e-6)
     places = np.broadcast_arrays(np.degrees(longitude), degrees, np.asarray(height) / 1000)
     east, north, up = ppigrf.igrf(*(place.ravel() for place in places), date.item())
     field = 1e-9 * np.stack([north, east, -up], axis=-1)
@@ -148,6 +149,16 @@ def likely_dip(site) -> tuple[float, str]:
     if latitude is None:
         return float(np.radians(60)), "assumed, of middle latitudes"
     return float(np.arctan(2 * np.tan(np.radians(latitude)))), "of a dipole at this latitude"
+
+
+def checked_latitude(latitude: ArrayLike) -> np.ndarray:
+    """Latitudes, rad, as floats; a ValueError beyond the poles, but for single precision's rounding."""
+    latitude = np.asarray(latitude, dtype=float)
+    if not (np.abs(latitude) <= np.pi / 2 + 1e-7).all():
+        raise ValueError(
+            "latitude is beyond ±π/2 rad or no number: give geodetic latitude in radians"
+        )
+    return np.clip(latitude, -np.pi / 2, np.pi / 2)
 
 
 def meridian_radius(latitude: ArrayLike) -> np.ndarray:
@@ -175,10 +186,16 @@ def terrestrial_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 def universal_time(time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """UTC times as ERFA's Julian date in two parts, which is UT1 as well to 0.9 s."""
-    time = np.asarray(time, dtype="datetime64[us]")
-    if np.isnat(time).any() or (time < np.datetime64("1972-01-01")).any():
+    time = np.asarray(time)
+    if time.dtype.kind in "iuf":
         raise ValueError(
-            "time is missing or before 1972, when UTC began: give UTC, as 2024-05-01T12:00"
+            f"time is a bare number, {time.ravel()[0]:g}: give UTC, as 2024-05-01T12:00"
+        )
+    time = time.astype("datetime64[us]")
+    first, end = np.datetime64("1972-01-01"), np.datetime64("2200-01-01")
+    if not ((time >= first) & (time < end)).all():
+        raise ValueError(
+            "time is missing, before 1972, when UTC began, or after 2200: give UTC, as 2024-05-01T12:00"
         )
     day = time.astype("datetime64[D]")
     fraction = (time - day).astype(float) / 86400e6

@@ -245,8 +245,8 @@ def test_bad_epochs_are_told_and_the_others_stand(solver):
     good = solver(measured, reference, sigma=[1e-3, 1e-3])
     bad = {
         7: "a vector has no length",
-        2000: "a vector holds no finite number",
-        2001: "a vector holds no finite number",
+        2000: "a vector or its weight holds no finite number",
+        2001: "a vector or its weight holds no finite number",
         4095: "the measured vectors are parallel: the rotation about them is not determined",
         4096: "the measured vectors are parallel: the rotation about them is not determined",
         4999: "the reference vectors are parallel: the rotation about them is not determined",
@@ -300,6 +300,107 @@ def test_zero_weights(solver):
     assert angle(found.matrix[[0, 2]], true[[0, 2]]).max() < 1e-12
 
 
+def test_a_weight_that_is_none_refuses_its_epoch_alone():
+    measured, reference, _ = epochs(np.random.default_rng(117), 4, apart=1.0)
+    found = davenport(measured, reference, [[1, 1], [0, 0], [1, np.nan], [1, 1]])
+    assert found.determined.tolist() == [True, False, False, True]
+    assert found.reasons[1].startswith("fewer than two vectors have a weight")
+    assert found.reasons[2] == "a vector or its weight holds no finite number"
+    sigma = np.full((4, 2), 1e-3)
+    sigma[3, 0] = np.nan
+    assert triad(measured, reference, sigma=sigma).determined.tolist() == [True, True, True, False]
+
+
+@ANY
+def test_a_vector_without_weight_is_not_there(solver):
+    measured, reference, true = epochs(np.random.default_rng(118), 3, 3)
+    measured[0, 1], reference[1, 1] = np.nan, 0
+    found = solver(measured, reference, [1, 0, 1], [1e-3, 1e-3, 1e-3])
+    assert angle(found.matrix, true).max() < 1e-12
+    assert np.isfinite(found.loss).all()
+    assert found.covariance == pytest.approx(
+        solver(measured[:, ::2], reference[:, ::2], sigma=[1e-3, 1e-3]).covariance, rel=1e-9
+    )
+
+
+def test_masked_values_are_no_numbers():
+    measured, reference, _ = epochs(np.random.default_rng(119), 3, apart=1.0)
+    masked = np.ma.masked_array(measured, np.zeros_like(measured, dtype=bool))
+    masked[1, 0, 2] = np.ma.masked
+    assert davenport(masked, reference).determined.tolist() == [True, False, True]
+
+
+@ANY
+@pytest.mark.parametrize("count", [2, 3, 5])
+@pytest.mark.parametrize("scatter", [0.0, 1e-9])
+def test_parallel_vectors_of_every_direction_are_refused(solver, count, scatter):
+    """QUEST's formula has four ways to land on another eigenvector: many directions find them."""
+    rng = np.random.default_rng(120)
+    one = rng.integers(-9, 10, (4000, 1, 3)) + 0.5
+    vectors = one * rng.uniform(0.5, 2, (4000, count, 1))
+    vectors = vectors + scatter * rng.normal(size=vectors.shape)
+    assert not solver(vectors, vectors).determined.any()
+
+
+@ANY
+def test_mislabelled_axes_are_refused_where_nothing_is_best(solver):
+    rng = np.random.default_rng(121)
+    swapped = np.eye(3)[[1, 0, 2]] @ Rotation.random(4000, rng=rng).as_matrix()
+    found = solver(swapped, np.eye(3))
+    assert not found.determined.any()
+    assert (np.char.find(found.reasons, "contradict each other") >= 0).all()
+
+
+@ANY
+@pytest.mark.parametrize("noise", [1e-8, 1e-6, 1e-5, 1e-3])
+def test_mislabelled_axes_with_noise_as_davenport(solver, noise):
+    """Two eigenvalues near the largest: the answer hangs on the noise, and is the same for all."""
+    rng = np.random.default_rng(122)
+    swapped = np.eye(3)[[1, 0, 2]] @ Rotation.random(4000, rng=rng).as_matrix()
+    swapped = swapped + noise * rng.normal(size=swapped.shape)
+    found, expected = solver(swapped, np.eye(3)), davenport(swapped, np.eye(3))
+    both = found.determined & expected.determined
+    assert both.mean() > 0.999
+    # Rounding over the gap, which is of the noise's size; the least of 4000 is a thousandth of it.
+    assert angle(found.matrix[both], expected.matrix[both]).max() < 1e-11 / noise + 1e-12
+
+
+def test_near_contradiction_is_solved_where_a_best_attitude_is():
+    mirrored, weights = np.diag([1.0, 1, -1]), [1.00001, 1.000005, 1]
+    found = [s(np.eye(3)[None], mirrored, weights) for s in WAHBA.values()]
+    assert all(f.determined.all() for f in found)
+    # The gap is 1e-5 of the weights: rounding over it.
+    assert max(angle(f.matrix, found[0].matrix).max() for f in found) < 1e-9
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-5])
+def test_covariance_of_nearly_parallel_vectors(apart):
+    """Small in two axes, 1/apart² larger about the vectors: none is lost in the other."""
+    rng = np.random.default_rng(123)
+    turn = Rotation.random(20, rng=rng).as_matrix()
+    vectors = np.array([[1, 0, 0], [np.cos(apart), np.sin(apart), 0]]) @ turn
+    found = np.linalg.eigvalsh(davenport(vectors, vectors, sigma=[1e-9, 1e-9]).covariance)
+    # Across: σ²/2 each, and about the middle line 2σ²/apart².
+    assert found[:, 0] == pytest.approx(0.5e-18, rel=1e-3)
+    assert found[:, 2] == pytest.approx(2e-18 / apart**2, rel=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [1e3, 1e7, 1e9])
+def test_covariance_of_very_unequal_vectors(ratio):
+    g = [[1, 0, 0], [0.3, 0.6, 0.9]]
+    sigma = [1e-2 / ratio, 1e-2]
+    expected = triad(g, g, sigma=sigma).covariance  # its limit
+    assert two_vector(g, g, sigma=sigma).covariance == pytest.approx(expected, rel=1e-5, abs=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-160, 1e160, 1e300])
+@BOTH
+def test_weights_of_any_size(solver, size):
+    measured, reference, true = epochs(np.random.default_rng(124), 5, apart=1.0)
+    assert angle(solver(measured, reference, sigma=[size, 2 * size]).matrix, true).max() < 1e-12
+    assert angle(solver(measured, reference, [size, 2 * size]).matrix, true).max() < 1e-12
+
+
 @ALL
 def test_a_lone_epoch_refuses(solver):
     with pytest.raises(Refusal, match=r"measured vectors are parallel.* well apart"):
@@ -318,10 +419,9 @@ def test_arguments(solver):
         ((two[0], two), r"measured: shape is \(3,\)"),
         ((np.stack([two] * 3), np.stack([two] * 4)), "different numbers of epochs"),
         ((two, two, [1, 2, 3]), r"weights: shape is \(3,\), needed is \(…, 2\)"),
-        ((two, two, [1, -1]), "weights: one is negative"),
-        ((two, two, [1, np.nan]), "weights: one is negative, zero or no finite number"),
-        ((two, two, [0, 0]), "weights: all are zero"),
-        ((two, two, None, [1, 0]), "sigma: .* must be positive"),
+        ((two, two, [1, -1]), "weights: the least is -1; none may be negative"),
+        ((two, two, [1, np.inf]), "weights: one is infinite"),
+        ((two, two, None, [1, 0]), "sigma: the least is 0; it must be positive"),
     ):
         with pytest.raises(ValueError, match=message):
             solver(*arguments)

@@ -21,17 +21,14 @@ from sensorbook import earth
 from sensorbook.attitude.rotations import axis_rotation
 
 _WGS84 = 1  # ERFA's number of it
-_FOCAL = 43e3  # m, e²a: nearer to the centre several normals meet
+# m from the centre: within e²a, 43 km, several normals meet, and rounding grows before that.
+_DEEPEST = 150e3
 
 
 def ecef_from_geodetic(latitude: ArrayLike, longitude: ArrayLike, height: ArrayLike) -> np.ndarray:
     """Position (…, 3), m, of geodetic latitude and longitude (rad) and height (m) on WGS 84 (2.23)."""
     latitude = np.asarray(latitude, dtype=float)
-    if not (np.abs(latitude) <= np.pi / 2).all():
-        raise ValueError(
-            "latitude is beyond ±π/2 rad or no number: give geodetic latitude in radians"
-        )
-    return erfa.gd2gc(_WGS84, longitude, latitude, height)
+    return erfa.gd2gc(_WGS84, longitude, earth.checked_latitude(latitude), height)
 
 
 def geodetic_from_ecef(position: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -44,9 +41,9 @@ def geodetic_from_ecef(position: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.
     position = np.asarray(position, dtype=float)
     if position.ndim < 1 or position.shape[-1] != 3:
         raise ValueError(f"position: shape is {position.shape}, needed is (…, 3)")
-    if not (np.linalg.norm(position, axis=-1) > _FOCAL).all():
+    if not (np.linalg.norm(position, axis=-1) > _DEEPEST).all():
         raise ValueError(
-            f"position: nearer than {_FOCAL / 1e3:g} km to the Earth's centre, or no number; "
+            f"position: nearer than {_DEEPEST / 1e3:g} km to the Earth's centre, or no number; "
             "it has no single latitude there (are the positions in metres?)"
         )
     longitude, latitude, height = erfa.gc2gd(_WGS84, position)

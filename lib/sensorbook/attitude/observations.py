@@ -18,7 +18,7 @@ CHUNK = 4096
 REASONS = (
     "",
     "a vector has no length",
-    "a vector holds no finite number",
+    "a vector or its weight holds no finite number",
     "the measured vectors are parallel: the rotation about them is not determined",
     "the reference vectors are parallel: the rotation about them is not determined",
     "fewer than two vectors have a weight: the rotation about one is not determined",
@@ -34,14 +34,15 @@ _REMEDY = "Observe two directions that are well apart; check that both sets are 
 class Observations:
     """Unit vectors by component: `measured` and `reference` are (k, 3, N or 1), `weights` (k, N or 1).
 
-    `batch` is the shape of the epochs, N their number; `sigma` is (k, N or 1) or None; `given` are the
-    weights before they were made to sum to 1; `refused` is (N,), an index into `REASONS`.
+    `weights` sum to 1; `roots` (k, N or 1) are their square roots as they were given, 1/σ where only σ
+    was. `batch` is the shape of the epochs, N their number; `sigma` is (k, N or 1) or None; `refused` is
+    (N,), an index into `REASONS`.
     """
 
     measured: np.ndarray
     reference: np.ndarray
     weights: np.ndarray
-    given: np.ndarray
+    roots: np.ndarray
     sigma: np.ndarray | None
     refused: np.ndarray
     batch: tuple[int, ...]
@@ -54,14 +55,14 @@ class Observations:
         weights: ArrayLike | None,
         sigma: ArrayLike | None,
         exactly: int | None = None,
+        every: bool = False,
     ) -> Observations:
-        """Checks and normalises; a ValueError where the arrays do not belong together."""
-        arrays = {"measured": measured, "reference": reference}
-        for name, array in arrays.items():
-            arrays[name] = array = np.asarray(array, dtype=float)
-            if array.ndim < 2 or array.shape[-1] != 3:
-                raise ValueError(f"{name}: shape is {array.shape}, needed is (…, k, 3)")
-        measured, reference = arrays["measured"], arrays["reference"]
+        """Checks and normalises; a ValueError where the arrays do not belong together.
+
+        `exactly` is the number of vectors that the method takes. A vector of weight 0 is as if it were
+        not there, whatever it holds, unless the method uses `every` one.
+        """
+        measured, reference = _vectors(measured, "measured"), _vectors(reference, "reference")
         count = measured.shape[-2]
         if reference.shape[-2] != count:
             raise ValueError(
@@ -76,38 +77,45 @@ class Observations:
             raise ValueError(
                 f"this method takes {exactly} vectors an epoch, not {count}: choose two"
             )
+        roots = np.ones(count)
         if sigma is not None:
-            sigma = _positive(sigma, count, "sigma", least=np.nextafter(0.0, 1.0))
+            sigma = _numbers(sigma, count, "sigma")
+            if (sigma <= 0).any():
+                raise ValueError(f"sigma: the least is {np.nanmin(sigma):g}; it must be positive")
+            roots = 1 / sigma
         if weights is not None:
-            weights = _positive(weights, count, "weights", least=0.0)
-            if not (weights.sum(axis=-1) > 0).all():
-                raise ValueError("weights: all are zero in an epoch; one at least must be positive")
-        else:
-            weights = np.ones(count) if sigma is None else sigma**-2.0
+            weights = _numbers(weights, count, "weights")
+            if (weights < 0).any():
+                raise ValueError(
+                    f"weights: the least is {np.nanmin(weights):g}; none may be negative"
+                )
+            roots = np.sqrt(weights)
         try:
             batch = np.broadcast_shapes(
                 measured.shape[:-2],
                 reference.shape[:-2],
-                weights.shape[:-1],
+                roots.shape[:-1],
                 () if sigma is None else sigma.shape[:-1],
             )
         except ValueError:
             raise ValueError(
-                f"measured {measured.shape}, reference {reference.shape} and weights {weights.shape} "
+                f"measured {measured.shape}, reference {reference.shape} and weights {roots.shape} "
                 "have different numbers of epochs"
             ) from None
         size = int(np.prod(batch))
         refused = np.zeros(size, dtype=np.uint8)
-        ready = [_unit(_columns(a, batch, size, 2), refused) for a in (measured, reference)]
-        given = _columns(weights, batch, size, 1)
-        return cls(
-            *ready,
-            given / given.sum(axis=0),
-            given,
-            None if sigma is None else _columns(sigma, batch, size, 1),
-            refused,
-            batch,
-        )
+        roots = _columns(roots, batch, size, 1)
+        sigma = None if sigma is None else _columns(sigma, batch, size, 1)
+        there = np.ones_like(roots, dtype=bool) if every else roots != 0
+        ready = [_unit(_columns(a, batch, size, 2), there, refused) for a in (measured, reference)]
+        with np.errstate(all="ignore"):
+            share = (roots / roots.max(axis=0)) ** 2  # in range whatever the roots are
+            share = share / share.sum(axis=0)
+        if not every:
+            refused[np.broadcast_to((roots == 0).all(axis=0), size)] = UNWEIGHTED
+        known = np.isfinite(roots).all(axis=0) & (sigma is None or np.isfinite(sigma).all(axis=0))
+        refused[np.broadcast_to(~known, size)] = NOT_FINITE
+        return cls(*ready, share, roots, sigma, refused, batch)
 
     def chunks(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
         """Slices of epochs with their measured and reference vectors and weights."""
@@ -128,7 +136,7 @@ class Observations:
         for epoch in np.flatnonzero(undetermined) + part.start:
             if self.refused[epoch]:
                 continue
-            weighed = self.given[:, epoch if self.given.shape[-1] > 1 else 0] > 0
+            weighed = self.roots[:, epoch if self.roots.shape[-1] > 1 else 0] > 0
             code = CONTRADICTORY if weighed.sum() > 1 else UNWEIGHTED
             for vectors, parallel in (
                 (self.measured, MEASURED_PARALLEL),
@@ -185,7 +193,7 @@ class Solution:
         """
         seen = self._observations
         off = seen.measured - self._predicted()
-        loss = 0.5 * (seen.given * (off**2).sum(axis=1)).sum(axis=0)
+        loss = 0.5 * ((seen.roots[:, None] * off) ** 2).sum(axis=(0, 1))
         return loss.reshape(seen.batch)
 
     @cached_property
@@ -201,15 +209,12 @@ class Solution:
         if seen.sigma is None:
             return None
         directions = np.moveaxis(self._predicted(), -1, 0)  # (N, k, 3)
-        variance = np.broadcast_to(seen.sigma.T**2, directions.shape[:2])
+        directions[seen.refused > 0] = np.eye(3)[np.arange(directions.shape[1]) % 3]
+        sigma = np.broadcast_to(seen.sigma.T, directions.shape[:2])
         if self._limit_weights is not None:
-            found = _triad_covariance(directions, variance)
+            found = _triad_covariance(directions, sigma**2)
         else:
-            weights = np.broadcast_to(seen.weights.T, directions.shape[:2])
-            bend = _information(directions, weights)
-            bend[seen.refused > 0] = np.eye(3)
-            bend = np.linalg.inv(bend)
-            found = bend @ _information(directions, weights**2 * variance) @ bend
+            found = _covariance(directions, np.sqrt(seen.weights.T), sigma)
         found[seen.refused > 0] = np.nan
         return found.reshape(*seen.batch, 3, 3)
 
@@ -219,10 +224,20 @@ class Solution:
         return np.moveaxis(reference @ np.swapaxes(self._matrix, -1, -2), 0, -1)
 
 
-def _information(directions: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Σ w (I − b bᵀ) over the vectors of an epoch: (N, 3, 3)."""
-    across = np.swapaxes(directions * weights[..., None], -1, -2) @ directions
-    return weights.sum(axis=-1)[:, None, None] * np.eye(3) - across
+def _covariance(directions: np.ndarray, roots: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """H⁻¹ Σ w²σ² (I − b bᵀ) H⁻¹ from directions (N, k, 3), √w and σ (N, k): (N, 3, 3).
+
+    H is JᵀJ, J the rows √w [b×]. From J's singular values, so that what two nearly parallel vectors or very
+    unequal weights leave small is not lost in the rest.
+    """
+    x, y, z = np.moveaxis(directions, -1, 0)
+    none = np.zeros_like(x)
+    cross = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*x.shape, 3, 3)
+    roots = np.broadcast_to(roots, x.shape)
+    rows = (roots[..., None, None] * cross).reshape(len(x), 3 * x.shape[1], 3)
+    u, s, vt = np.linalg.svd(rows, full_matrices=False)
+    spread = np.repeat(roots * sigma, 3, axis=-1)[..., None] * u / s[:, None]
+    return np.swapaxes(vt, -1, -2) @ (np.swapaxes(spread, -1, -2) @ spread) @ vt
 
 
 def _triad_covariance(directions: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -260,14 +275,27 @@ def solve_by_chunks(seen: Observations, solve: Callable[..., tuple]) -> np.ndarr
     return matrix
 
 
-def _positive(values: ArrayLike, count: int, name: str, least: float) -> np.ndarray:
-    values = np.asarray(values, dtype=float)
+def _vectors(array: ArrayLike, name: str) -> np.ndarray:
+    array = _plain(array)
+    if array.ndim < 2 or array.shape[-1] != 3:
+        raise ValueError(f"{name}: shape is {array.shape}, needed is (…, k, 3)")
+    return array
+
+
+def _numbers(values: ArrayLike, count: int, name: str) -> np.ndarray:
+    values = _plain(values)
     if values.ndim < 1 or values.shape[-1] != count:
         raise ValueError(f"{name}: shape is {values.shape}, needed is (…, {count}), one a vector")
-    if not (np.isfinite(values) & (values >= least)).all():
-        what = "not negative" if least == 0 else "positive"
-        raise ValueError(f"{name}: one is negative, zero or no finite number; they must be {what}")
+    if np.isinf(values).any():
+        raise ValueError(f"{name}: one is infinite; TRIAD trusts its first vector wholly")
     return values
+
+
+def _plain(array: ArrayLike) -> np.ndarray:
+    """An array of floats; what is masked is no number."""
+    if isinstance(array, np.ma.MaskedArray):
+        return np.ma.filled(array.astype(float), np.nan)
+    return np.asarray(array, dtype=float)
 
 
 def _columns(array: np.ndarray, batch: tuple[int, ...], size: int, own: int) -> np.ndarray:
@@ -279,23 +307,37 @@ def _columns(array: np.ndarray, batch: tuple[int, ...], size: int, own: int) -> 
     return np.ascontiguousarray(flat).reshape(*array.shape[-own:], size)
 
 
-def _unit(vectors: np.ndarray, refused: np.ndarray) -> np.ndarray:
-    """(k, 3, N) vectors made unit; marks the epochs where that cannot be."""
+def _unit(vectors: np.ndarray, there: np.ndarray, refused: np.ndarray) -> np.ndarray:
+    """(k, 3, N) vectors made unit, 0 where they are not `there`; marks the epochs where that cannot be."""
     unit = np.empty_like(vectors)
     every = vectors.shape[-1] == 1
     with np.errstate(all="ignore"):
         for start in range(0, vectors.shape[-1], CHUNK):
             part = slice(start, start + CHUNK)
             own = vectors[..., part]
-            length = np.sqrt(own[:, 0] ** 2 + own[:, 1] ** 2 + own[:, 2] ** 2)
+            length = _length(own)
             if not ((length > 1e-150) & (length < 1e150)).all():
                 own = own / np.abs(own).max(axis=1, keepdims=True)  # whose squares are in range
                 own[np.isnan(own) & (vectors[..., part] == 0)] = 0.0
-                length = np.sqrt(own[:, 0] ** 2 + own[:, 1] ** 2 + own[:, 2] ** 2)
+                length = _length(own)
             for i in range(3):
                 unit[:, i, part] = own[:, i] / length
-            where = slice(None) if every else part
-            refused[where] = np.where((length == 0).any(axis=0), ZERO, refused[where])
-            finite = np.isfinite(length).all(axis=0)
-            refused[where] = np.where(finite, refused[where], NOT_FINITE)
+            _mark(refused, length == 0, ZERO, there, part, every)
+            _mark(refused, ~np.isfinite(length), NOT_FINITE, there, part, every)
+    if not there.all():
+        unit = np.where(there[:, None], unit, 0.0)
     return unit
+
+
+def _mark(
+    refused, wrong: np.ndarray, code: int, there: np.ndarray, part: slice, every: bool
+) -> None:
+    """Marks the epochs (of a slice, or all where they share the vectors) with a wrong vector that counts."""
+    if wrong.any():
+        of = slice(None) if every else part
+        counts = there if there.shape[-1] == 1 else there[:, of]
+        refused[of][(wrong & counts).any(axis=0) & np.ones(len(refused[of]), dtype=bool)] = code
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2)

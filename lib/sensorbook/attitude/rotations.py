@@ -5,6 +5,9 @@ reference frame into those in the body frame, v_body = A v_ref; its rows are the
 `Rotation` is active, so that A = Rotation.as_matrix().T; quaternion and rotation vector are the same
 numbers in both. Leading dimensions are a batch, and angles are in radians.
 
+Where a batch holds NaN, which is how an attitude that was not determined is written, that element's
+result is NaN and the others stand.
+
 Quaternions are Euler–Rodrigues symmetric parameters with the scalar last (2.9):
 q = [e sin(Φ/2), cos(Φ/2)] for the Euler axis e and angle Φ. q and −q are one attitude.
 """
@@ -14,6 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
+
+from sensorbook.attitude.wahba import matrix_of
 
 AXES = "XYZ"
 # The same axis twice in a row is one rotation: 3 · 2 · 2 sequences are left.
@@ -43,7 +48,7 @@ def axis_rotation(axis: str, angle: ArrayLike) -> np.ndarray:
 
 def matrix_from_quaternion(quaternion: ArrayLike) -> np.ndarray:
     """A(q) (2.10), (…, 3, 3), for unit quaternions (…, 4)."""
-    return _passive(Rotation.from_quat(_unit(quaternion, 4, "quaternion")))
+    return _matrix(_unit(quaternion, 4, "quaternion"))
 
 
 def quaternion_from_matrix(matrix: ArrayLike) -> np.ndarray:
@@ -52,12 +57,15 @@ def quaternion_from_matrix(matrix: ArrayLike) -> np.ndarray:
     C gives the branch that divides by q₄ (2.11); here the largest component is found first, so that
     no attitude is near a division by zero.
     """
-    return _rotation(matrix).as_quat(canonical=True)
+    rotation, none = _rotation(matrix)
+    quaternion = rotation.as_quat(canonical=True)
+    quaternion[none] = np.nan
+    return quaternion
 
 
 def matrix_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> np.ndarray:
     """A(e, Φ) = cosΦ I + (1 − cosΦ) e eᵀ − sinΦ [e×] (2.6), for unit axes (…, 3) and angles (…), rad."""
-    return _passive(Rotation.from_quat(_half_angle(axis, angle)))
+    return _matrix(_half_angle(axis, angle))
 
 
 def axis_angle_from_matrix(matrix: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -118,7 +126,9 @@ def euler_from_matrix(sequence: str, matrix: ArrayLike) -> np.ndarray:
     i, j, last = _sequence(sequence)
     k = 3 - i - j
     sign = 1.0 if (j - i) % 3 == 1 else -1.0  # whether i, j, k is right-handed
-    matrix = _passive(_rotation(matrix))
+    rotation, none = _rotation(matrix)
+    matrix = np.swapaxes(rotation.as_matrix(), -1, -2)
+    matrix[none] = np.nan
     symmetric = last == i
     if symmetric:
         sine, cosine = matrix[..., i, j], -sign * matrix[..., i, k]
@@ -206,8 +216,8 @@ def _unit(array: ArrayLike, size: int, what: str) -> np.ndarray:
     array = _last(array, size, what)
     norm = np.linalg.norm(array, axis=-1, keepdims=True)
     off = np.abs(norm - 1)
-    if not (off <= _WORST).all():
-        worst = norm.ravel()[np.argmax(np.where(np.isnan(off), np.inf, off))]
+    if (off > _WORST).any():
+        worst = norm.ravel()[np.nanargmax(off)]
         raise ValueError(f"{what}: its length is {worst:.6g}, needed is 1")
     return array / norm
 
@@ -219,11 +229,16 @@ def _half_angle(axis: ArrayLike, angle: ArrayLike) -> np.ndarray:
     return np.concatenate([axis * np.sin(half), np.cos(half[..., :1])], axis=-1)
 
 
-def _rotation(matrix: ArrayLike) -> Rotation:
-    """scipy's Rotation of direction-cosine matrices; a ValueError where they are none."""
+def _rotation(matrix: ArrayLike) -> tuple[Rotation, np.ndarray]:
+    """scipy's Rotation of direction-cosine matrices, and which are none for want of a number.
+
+    A ValueError where a matrix is no rotation.
+    """
     matrix = np.asarray(matrix, dtype=float)
     if matrix.ndim < 2 or matrix.shape[-2:] != (3, 3):
         raise ValueError(f"direction-cosine matrix: shape is {matrix.shape}, needed is (…, 3, 3)")
+    none = np.isnan(matrix).any(axis=(-2, -1))
+    matrix = np.where(none[..., None, None], np.eye(3), matrix)
     with np.errstate(invalid="ignore"):  # infinity: said below
         off = np.abs(matrix @ np.swapaxes(matrix, -1, -2) - np.eye(3)).max(initial=0.0)
     if not off <= _WORST:
@@ -234,8 +249,9 @@ def _rotation(matrix: ArrayLike) -> Rotation:
         raise ValueError(
             "direction-cosine matrix: its determinant is −1; it mirrors, a left-handed frame"
         )
-    return Rotation.from_matrix(np.swapaxes(matrix, -1, -2))
+    return Rotation.from_matrix(np.swapaxes(matrix, -1, -2)), none
 
 
-def _passive(rotation: Rotation) -> np.ndarray:
-    return np.swapaxes(rotation.as_matrix(), -1, -2)
+def _matrix(quaternion: np.ndarray) -> np.ndarray:
+    rows = matrix_of(np.moveaxis(quaternion, -1, 0))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
