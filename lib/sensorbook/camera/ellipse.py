@@ -80,19 +80,20 @@ class Ellipse:
             raise ValueError(f"points must have shape (…, 2), not {p.shape}")
         local = np.abs((p - self.centre) @ self._axes.T)
         major, minor = self.semi_axes
-        first, second = local[..., 0] / minor, np.maximum(local[..., 1] / minor, _TINY)
-        ratio = (major / minor) ** 2
-        along = np.maximum(first * (major / minor), _TINY)  # in units of B, where τ = t/B² + 1
-        tau = np.maximum(second, along - (ratio - 1))
+        excess = (major - minor) * (major + minor) / minor**2
+        # In units of B, τ = t/B² + 1. The floors give the centre and the axes their feet as limits.
+        along = np.maximum(local[..., 0] * major / minor**2, _TINY)
+        across = np.maximum(local[..., 1] / minor, _TINY)
+        tau = np.maximum(across, along - excess)
         for _ in range(30):
-            u, v = along / (tau + ratio - 1), second / tau
+            u, v = along / (tau + excess), across / tau
             square = u**2 + v**2
-            step = square * (np.sqrt(square) - 1) / (u**2 / (tau + ratio - 1) + v**2 / tau)
+            step = square * (np.sqrt(square) - 1) / (u**2 / (tau + excess) + v**2 / tau)
             tau = tau + step
             if not (np.abs(step) > 4e-16 * tau).any():
                 break
-        t = tau - 1
-        return minor * np.hypot(first * t / (tau + ratio - 1), local[..., 1] / minor * t / tau)
+        u, v = along / (tau + excess), across / tau
+        return np.abs(tau - 1) * minor * np.hypot(u * minor / major, v)
 
     @property
     def _axes(self) -> np.ndarray:
@@ -200,7 +201,8 @@ def _direct(z: np.ndarray) -> np.ndarray:
     values, turn = np.linalg.svd(r[3:, 3:])[1:]
     # b = Vᵀa₁ in units of values[2] / values: minimise ‖w‖² under wᵀ(T C T)w > 0. Of its eigenvalues
     # one is positive, and it is the largest by far where the points are near an ellipse.
-    t = np.maximum(values[2], np.finfo(float).tiny) / np.maximum(values, np.finfo(float).tiny)
+    values = np.maximum(values, np.finfo(float).eps * values[0])
+    t = values[2] / values
     vt = turn * t[:, None]
     constraint = vt @ np.array([[0, 0, 2.0], [0, -1, 0], [2, 0, 0]]) @ vt.T
     a = np.linalg.eigh(constraint)[1][:, 2] @ vt
@@ -229,7 +231,7 @@ def _ellipse_or_refusal(conic: np.ndarray) -> np.ndarray:
 def _discriminant(conic: np.ndarray) -> float:
     """(4ac − b²) / (a + c)²: 1 for a circle, 0 for a parabola."""
     a, b, c, *_ = conic
-    return (4 * a * c - b * b) / (a + c) ** 2
+    return (4 * a * c - b * b) / max((a + c) ** 2, _TINY)
 
 
 def _inside(conic: np.ndarray) -> float:
@@ -299,7 +301,7 @@ def _conic_slopes(k: np.ndarray) -> np.ndarray:
 def _sampson(z: np.ndarray, scale: np.ndarray, conic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed Sampson distances (N,) in the unit of the points, and their derivatives (N, 6) by the conic."""
     x, y = z.T
-    a, b, c, d, e, f = conic
+    a, b, c, d, e = conic[:5]
     u = np.stack([x * x, x * y, y * y, x, y, np.ones_like(x)], axis=1)
     value = u @ conic
     gx, gy = (2 * a * x + b * y + d) / scale[0], (b * x + 2 * c * y + e) / scale[1]
