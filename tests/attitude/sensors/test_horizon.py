@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sensorbook.attitude.rotations import axis_rotation
 from sensorbook.attitude.sensors.conical import (
     EQUIVALENT_HEIGHT,
     RADIUS,
@@ -253,3 +254,126 @@ def test_settings_out_of_range():
         one_cone(Scan(-0.9, 0.9, ""), LEO, CONE, sigma=-1)
     with pytest.raises(ValueError, match=r"needed is \(…, 3, 3\)"):
         scan(np.eye(2), LEO, CONE)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [(2 * np.eye(3), "differs from the identity by 3"), (np.diag([1.0, -1, 1]), "it mirrors")],
+)
+def test_an_attitude_that_is_no_rotation(matrix, words):
+    lost = np.full((3, 3), np.nan)  # a reason, not an error
+    with pytest.raises(ValueError, match=words):
+        scan([lost, matrix], LEO, CONE)
+    with pytest.raises(ValueError, match=words):
+        scan_ellipsoid(matrix, [0, 0, -7e6], [6.4e6] * 3, CONE)
+    with pytest.raises(ValueError, match=words):
+        greatest_height(matrix, CONE)
+
+
+@pytest.mark.parametrize("which", range(4))
+@pytest.mark.parametrize("sigma", [1e-4, None])
+def test_four_crossings_on_no_one_circle_are_refused(which, sigma):
+    body = tilted(0.05, -0.08)
+    true = [(s.enter, s.leave) for s in (scan(body, 500e3, CONE), scan(body, 500e3, CONE, -1))]
+    angles = np.ravel(true)
+    angles[which] -= np.radians(20)
+    fix = two_cones(Scan(*angles[:2], ""), Scan(*angles[2:], ""), CONE, sigma=sigma)
+    assert "on no one circle" in fix.reasons.item()
+    assert np.isnan([fix.roll, fix.pitch, fix.height]).all()
+    if sigma:
+        assert np.isnan([fix.roll_std, fix.height_std]).all()
+        assert np.isnan(fix.information).all()
+    # Three crossings fit a circle always: the remedy where the culprit is known.
+    angles[which] = np.nan
+    left = two_cones(Scan(*angles[:2], ""), Scan(*angles[2:], ""), CONE, sigma=sigma)
+    assert left.reasons == ""
+    assert left.roll == pytest.approx(0.05, abs=EXACT)
+
+
+def crossings(roll, pitch, height):
+    body = tilted(roll, pitch, 0.4)
+    both = scan(body, height, CONE), scan(body, height, CONE, -1)
+    return np.array([angle for s in both for angle in (s.enter, s.leave)])
+
+
+def misfit(first, second):
+    """What no roll, pitch or height explains of four crossings (N) of `noisy`, rad, from the scan itself."""
+    true, step = np.array([0.1, -0.07, LEO]), np.array([1e-5, 1e-5, 10.0])
+    slopes = [crossings(*(true + d)) - crossings(*(true - d)) for d in np.diag(step)]
+    across = np.linalg.svd(np.array(slopes))[2][3]
+    angles = np.stack([first.enter, first.leave, second.enter, second.leave])
+    return np.abs(across @ (angles - crossings(*true)[:, None]))
+
+
+@pytest.mark.parametrize("sigma", [1e-4, 1e-3])
+def test_the_misfit_of_four_crossings_is_tested_at_5_standard_errors(sigma):
+    _, first, second = noisy(31, sigma)
+    kept = two_cones(first, second, CONE, sigma=sigma)
+    # Of 10⁴ samples of noise 0.006 are beyond.
+    assert (kept.reasons == "").all()
+    # A smaller standard error refuses of the same samples those whose misfit is beyond 5 of it.
+    off = misfit(first, second)
+    assert np.sqrt((off**2).mean()) == pytest.approx(sigma, rel=0.03), "one degree of freedom"
+    told = off.max() / 10
+    refused = two_cones(first, second, CONE, sigma=told).reasons != ""
+    clear = np.abs(off / (5 * told) - 1) > 0.02  # the misfit here is of first order
+    assert 0 < refused.sum() < len(off)
+    assert (refused == (off > 5 * told))[clear].all()
+
+
+def test_oblateness_is_no_fault_without_a_standard_error():
+    """An ellipsoid's limb is a circle to some 0.1°: below the limit of 1°."""
+    rng = np.random.default_rng(32)
+    axes = np.array([6378137.0, 6378137.0, 6356752.314]) + EQUIVALENT_HEIGHT
+    position = rng.normal(size=(300, 3))
+    position *= (7078e3 / np.linalg.norm(position, axis=1))[:, None]
+    down = -position / np.linalg.norm(position, axis=1)[:, None]
+    side = np.cross(down, [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    frame = np.stack([np.cross(side, down), side, down], axis=1)
+    body = attitudes(300, 0.1, 33)[2] @ frame
+    both = [scan_ellipsoid(body, position, axes, CONE, side) for side in (1, -1)]
+    assert (two_cones(*both, CONE).reasons == "").all()
+    told = two_cones(*both, CONE, sigma=1e-5)
+    assert sum("oblateness" in r for r in told.reasons) > 150
+
+
+@pytest.mark.parametrize(
+    ("cone", "height", "pitch"), [(np.pi / 2, GEO, 0.02), (np.radians(85), GEO, np.pi / 2)]
+)
+def test_no_choice_between_two_solutions_as_near(cone, height, pitch):
+    """About y's plane both mirror images fit; with the nadir along x both have z = 0."""
+    body = tilted([0.03, -0.03, 0.1], pitch)
+    # At pitch 90° roll turns about the nadir: the scan axis leans by a tilt in body axes instead.
+    body = body if pitch < 1 else axis_rotation("Z", [0.03, -0.03, 0.1]) @ tilted(0.0, pitch)
+    fix = one_cone(scan(body, height, cone), height, cone, sigma=1e-4)
+    assert all("neither is nearer" in r for r in fix.reasons)
+    assert all("narrower cone" in r for r in fix.reasons)
+    assert np.isnan([fix.roll, fix.pitch, fix.roll_std]).all()
+    assert (fix.chosen == -1).all()
+    assert (fix.choice == "").all()
+    assert fix.fits.all()
+    near = np.abs(fix.solutions - body[:, None, :, 2]).max(axis=-1)
+    assert near.min(axis=-1).max() < EXACT, "one of both is the truth"
+
+
+def test_a_scan_along_the_limb_meets_it_four_times():
+    axes = np.array([6378137.0, 6378137.0, 6356752.314]) + EQUIVALENT_HEIGHT
+    position = np.array([6378137.0 + LEO, 0, 0])
+    body = tilted(np.pi / 2, 0) @ axis_rotation("Y", -np.pi / 2)  # the scan axis to the nadir
+    equator = np.arcsin(axes[0] / position[0])
+    reasons = [
+        scan_ellipsoid(body, position, axes, equator - np.radians(within)).reasons.item()
+        for within in (-0.05, 0.05, 0.15)
+    ]
+    assert "passes beside" in reasons[0]
+    assert "four times" in reasons[1]
+    assert "fills the scan" in reasons[2]
+    found = scan_ellipsoid(body, position, axes, equator - np.radians(0.05))
+    assert np.isnan([found.enter, found.leave]).all()
+    # A little aside the scan meets the limb twice, and every sample has its own answer.
+    leaning = tilted([0.0, 0.01], 0.0) @ body
+    assert (scan_ellipsoid(leaning, position, axes, equator - 9e-4).reasons == "").tolist() == [
+        False,
+        True,
+    ]

@@ -5,7 +5,7 @@ import pytest
 
 from sensorbook.attitude.sensors.conical import angular_radius
 from sensorbook.attitude.sensors.horizon import tilted
-from sensorbook.attitude.sensors.static import StaticSensor, overlap, signals, tilt
+from sensorbook.attitude.sensors.static import SAMPLING, StaticSensor, overlap, signals, tilt
 
 SENSOR = StaticSensor(700e3, np.radians(5))
 
@@ -119,3 +119,36 @@ def test_a_field_too_large():
         StaticSensor(700e3, 1.0)
     with pytest.raises(ValueError, match="signals: shape"):
         tilt(SENSOR, [0.5, 0.5])
+
+
+def test_signals_that_fit_no_disc_to_5_standard_errors():
+    """A misfit of hundreds of standard errors, though below what is taken without them."""
+    sensor = StaticSensor(500e3, np.radians(5))
+    shares = 0.49767 + np.array([0, 0.12, 0, 0])
+    fix = tilt(sensor, shares, sigma=1e-4)
+    assert "fit no disc" in fix.reasons.item()
+    assert np.isnan([fix.roll, fix.roll_std, fix.height]).all()
+    # Half of the change by one signal is misfit, and 5 √(10⁻⁸ + SAMPLING²) is the limit.
+    limit = 5 * np.hypot(1e-4, SAMPLING)
+    for part, reason in ((0.9, False), (1.1, True)):
+        shares = 0.49767 + np.array([0, 2 * part * limit, 0, 0])
+        assert ("fit no disc" in tilt(sensor, shares, sigma=1e-4).reasons.item()) is reason
+
+
+@pytest.mark.parametrize("sigma", [1e-4, 5e-3, 0.03])
+def test_noise_alone_fits_a_disc(sigma):
+    body = tilted(0.01, -0.02)
+    shares = signals(SENSOR, body, 700e3)
+    noise = np.random.default_rng(34).normal(0, sigma, (10_000, 4))
+    # Of 10⁴ samples 0.006 are beyond 5 standard errors.
+    assert (tilt(SENSOR, shares + noise, sigma).reasons == "").all()
+
+
+def test_rays_fit_a_disc_whatever_the_standard_error():
+    _, _, height, body = random(1000, 35)
+    assert (tilt(SENSOR, signals(SENSOR, body, height), 1e-6).reasons == "").all()
+
+
+def test_a_mirrored_attitude():
+    with pytest.raises(ValueError, match="it mirrors"):
+        signals(SENSOR, -np.eye(3), 700e3)

@@ -20,8 +20,10 @@ REASONS = (
     "the scan passes beside the Earth: there is no crossing; tilt towards the Earth or widen the cone",
     "the Earth fills the scan: there is no crossing; widen the cone or fly higher",
     "the attitude or the place holds no finite number",
+    "the scan runs along the limb and meets it four times, which two angles do not describe; choose "
+    "another cone",
 )
-_OK, _MISSED, _FILLED, _NOT_FINITE = range(len(REASONS))
+_OK, _MISSED, _FILLED, _NOT_FINITE, _FOUR = range(len(REASONS))
 
 _STEPS = 72  # of the first look around the cone
 _GOLDEN = (np.sqrt(5) - 1) / 2
@@ -75,7 +77,7 @@ def greatest_height(
     the scan goes through the nadir.
     """
     _check_side(side)
-    nadir = np.asarray(attitude, dtype=float)[..., :, 2]
+    nadir = check_attitude(attitude)[..., :, 2]
     apart = np.abs(np.arccos(np.clip(side * nadir[..., 1], -1, 1)) - _check_cone(cone))
     sine = np.sin(np.minimum(apart, np.pi / 2))
     far = (radius + equivalent_height) / np.maximum(sine, 1e-300) - radius
@@ -113,7 +115,8 @@ def scan(
 
     Raises
     ------
-    ValueError : a height inside the infrared Earth, a cone out of range, shapes that do not agree
+    ValueError : a height inside the infrared Earth, a cone out of range, an attitude that is no
+        rotation, shapes that do not agree
     """
     angular_radius(height, radius, equivalent_height)  # refuses heights inside the Earth
     distance = radius + np.asarray(height, dtype=float)
@@ -139,12 +142,10 @@ def scan_ellipsoid(
 
     Crossings are bracketed between the scan's nearest and farthest points and halved to rounding,
     below 1e-13 rad; only where the scan grazes the limb are they worse, by the inverse of how steeply
-    it crosses.
+    it crosses. The limb is no circle: a scan nearly along it can meet it four times, and is refused.
     """
-    attitude, position = np.asarray(attitude, dtype=float), np.asarray(position, dtype=float)
+    attitude, position = check_attitude(attitude), np.asarray(position, dtype=float)
     semi_axes, cone = np.asarray(semi_axes, dtype=float), _check_cone(cone)
-    if attitude.shape[-2:] != (3, 3):
-        raise ValueError(f"attitude: shape is {attitude.shape}, needed is (…, 3, 3)")
     if not (semi_axes > 0).all():
         raise ValueError(f"semi_axes: the least is {semi_axes.min():g} m, needed is more than 0")
     batch = np.broadcast_shapes(
@@ -176,6 +177,7 @@ def scan_ellipsoid(
     code = np.full(size, _OK)
     code[depth(deepest[:, None])[:, 0] <= 0] = _MISSED
     code[depth(highest[:, None])[:, 0] >= 0] = _FILLED
+    code[_twice(depth, around, first, 1) & _twice(depth, around, first, -1)] = _FOUR
     code[~known] = _NOT_FINITE
     before = deepest - np.mod(deepest - highest, 2 * np.pi)
     enter = _halved(depth, before, deepest)
@@ -184,6 +186,18 @@ def scan_ellipsoid(
     none = code != _OK
     enter, leave = (np.where(none, np.nan, x - turns).reshape(batch) for x in (enter, leave))
     return Scan(enter, leave, np.array(REASONS)[code].reshape(batch))
+
+
+def _twice(function, around: np.ndarray, values: np.ndarray, sign: int) -> np.ndarray:
+    """Whether `sign` times the function, `values` (N, k) at `around` (k,), has two maxima above 0: (N,)."""
+    values = sign * values
+    maxima = (values > np.roll(values, 1, axis=1)) & (values >= np.roll(values, -1, axis=1))
+    several = maxima.sum(axis=1) > 1
+    if not several.any():
+        return several
+    second = np.argsort(np.where(maxima, values, -np.inf), axis=1)[:, -2]
+    at = _extreme(function, around[second], sign)
+    return several & (sign * function(at[:, None])[:, 0] > 1e-12)  # above rounding
 
 
 def _extreme(function, start: np.ndarray, sign: int) -> np.ndarray:
@@ -205,6 +219,22 @@ def _halved(function, outside: np.ndarray, inside: np.ndarray) -> np.ndarray:
         deep = function(middle[:, None])[:, 0] > 0
         outside, inside = np.where(deep, outside, middle), np.where(deep, middle, inside)
     return (outside + inside) / 2
+
+
+def check_attitude(attitude: ArrayLike) -> np.ndarray:
+    """Attitudes (…, 3, 3), of which those with finite numbers are rotations to 1e-3; else a ValueError."""
+    attitude = np.asarray(attitude, dtype=float)
+    if attitude.shape[-2:] != (3, 3):
+        raise ValueError(f"attitude: shape is {attitude.shape}, needed is (…, 3, 3)")
+    known = attitude[np.isfinite(attitude).all(axis=(-2, -1))]
+    off = np.abs(known @ np.swapaxes(known, -1, -2) - np.eye(3)).max(initial=0.0)
+    if off > 1e-3:
+        raise ValueError(
+            f"attitude: A Aᵀ differs from the identity by {off:.2g}; give a direction-cosine matrix"
+        )
+    if (np.linalg.det(known) < 0).any():
+        raise ValueError("attitude: its determinant is −1; it mirrors, give right-handed frames")
+    return attitude
 
 
 def _check_cone(cone: ArrayLike) -> np.ndarray:

@@ -34,12 +34,18 @@ REASONS = (
     "no attitude has such crossings at this height; check height, cone and the order of the crossings",
     "fewer than three crossings: the height is not determined; give it and use one cone",
     "the crossings lie together, as those of two cones that meet there; choose other cones",
+    "both solutions fit and neither is nearer to the nadir; choose a narrower cone, or add a second one",
+    "the crossings lie on no one circle: the Sun or the Moon in the scan, a detector's fault, or a "
+    "standard error without the Earth's oblateness and weather",
 )
-_OK, _MISSING, _NEAR, _PLANE, _NO_FIT, _FEW, _TOGETHER = range(len(REASONS))
+_OK, _MISSING, _NEAR, _PLANE, _NO_FIT, _FEW, _TOGETHER, _TIE, _NO_CIRCLE = range(len(REASONS))
 ONLY = "the only one of the two with the Earth between the crossings"
 NEARER = "the nearer to the nadir of two that fit equally"
 LEAST_WIDTH = 1e-3  # rad, half the arc over the Earth
 LEAST_PLANE = 1e-3  # of the determinant of both crossings and the nadir; errors grow by its inverse
+AGREE = 5.0  # standard errors of a misfit; noise alone is beyond once in two million samples
+MOST_MISFIT = np.radians(1.0)  # without `sigma`; oblateness and weather make 0.1° to 0.3°
+_TIED = 1e-9  # of the solutions' z components; what is less is rounding
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,8 @@ class HorizonFix:
     ----------
     nadir : (…, 3) unit vector to the Earth's centre in body axes; NaN where refused
     height : (…) m, given or, with two cones, found
-    solutions : (…, 2, 3) of one cone: both directions that fulfil its equations; None with two cones
+    solutions : (…, 2, 3) of one cone: both directions that fulfil its equations, also where neither
+        could be chosen; None with two cones
     fits : (…, 2) whether each has the Earth, not space, between the crossings
     chosen : (…) which of them is `nadir`, 0 or 1; −1 where refused
     choice : (…) why that one, in words
@@ -107,7 +114,8 @@ def one_cone(
     With γ the angle from the scan axis to the nadir and w half the arc between the crossings, both
     equations are cos η cos γ + sin η cos w sin γ = cos ρ, and the nadir lies over the arc's middle.
     Two γ solve it. That with sin γ < 0 has space between the crossings, so that their order excludes
-    it; where both are positive, as for a small Earth, the one nearer the nadir is chosen.
+    it; where both are positive, as for a small Earth, the one nearer the nadir is chosen. With η = π/2, or
+    the body pitched by 90°, neither is nearer: both are in `solutions`, and none is chosen.
 
     Parameters
     ----------
@@ -141,6 +149,8 @@ def one_cone(
     solutions = np.cos(gamma)[..., None] * axis + np.sin(gamma)[..., None] * down[..., None, :]
     fits = np.sin(gamma) > 0
     code[(code == _OK) & ~fits.any(axis=-1)] = _NO_FIT
+    tied = fits.all(axis=-1) & (np.abs(np.diff(solutions[..., 2])[..., 0]) < _TIED)
+    code[(code == _OK) & tied] = _TIE
     chosen = np.argmax(np.where(fits, solutions[..., 2], -2.0), axis=-1)
     nadir = np.take_along_axis(solutions, chosen[..., None, None], axis=-2)[..., 0, :]
     good = code == _OK
@@ -148,11 +158,12 @@ def one_cone(
     slopes = _slopes(sights, nadir)
     errors = _errors(sights, slopes, nadir, sigma, good, None)
     choice = np.where(good, np.where(fits.all(axis=-1), NEARER, ONLY), "")
+    solved = good | (code == _TIE)
     return HorizonFix(
         blank(nadir, good),
         np.where(good, np.broadcast_to(height, good.shape), np.nan),
-        np.where(good[..., None, None], solutions, np.nan),
-        fits & good[..., None],
+        np.where(solved[..., None, None], solutions, np.nan),
+        fits & solved[..., None],
         np.where(good, chosen, -1),
         choice,
         *errors,
@@ -173,13 +184,15 @@ def two_cones(
 
     [S, −1] [n; cos ρ] = 0 (3.9) for all crossings is solved as it is by the smallest singular vector,
     then, where there are four, for the least squares of the scan angles themselves (Gauss–Newton). A
-    NaN leaves a crossing out.
+    NaN leaves a crossing out. Four that lie on no one circle are refused: where the root of the sum of
+    their squared misfits is beyond `AGREE` standard errors or, without `sigma`, beyond `MOST_MISFIT`.
+    It has one degree of freedom; three crossings leave none.
 
     Parameters
     ----------
     first, second : crossings (…) of the cone about y and of the one about −y
     cone : η of both, rad
-    sigma : standard error of each crossing, rad
+    sigma : standard error of each crossing, rad, with all that moves it: noise, oblateness, weather
     """
     sigma = check_sigma(sigma)
     angles = np.stack(
@@ -220,6 +233,9 @@ def two_cones(
         slopes = np.einsum("...ki,...i->...k", along, nadir)
         nadir, cosine = _step(sights, slopes, seen & good[..., None], nadir, cosine)
     slopes = np.einsum("...ki,...i->...k", along, nadir)
+    left = cosine[..., None] - np.einsum("...ki,...i->...k", sights, nadir)
+    misfit = np.linalg.norm(seen * left / np.maximum(np.abs(slopes), 1e-6), axis=-1)
+    code[good & ~(misfit <= (MOST_MISFIT if sigma is None else AGREE * sigma))] = _NO_CIRCLE
     code[good & ~((cosine > 0) & (cosine < 1))] = _NO_FIT
     good = code == _OK
     cosine = np.where(good, cosine, 0.5)

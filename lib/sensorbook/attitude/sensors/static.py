@@ -12,8 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sensorbook.attitude.sensors.conical import EQUIVALENT_HEIGHT, RADIUS, angular_radius
-from sensorbook.attitude.sensors.horizon import UNOBSERVABLE, blank, check_sigma, closed
+from sensorbook.attitude.sensors.conical import (
+    EQUIVALENT_HEIGHT,
+    RADIUS,
+    angular_radius,
+    check_attitude,
+)
+from sensorbook.attitude.sensors.horizon import AGREE, UNOBSERVABLE, blank, check_sigma, closed
 
 REASONS = (
     "",
@@ -25,7 +30,9 @@ REASONS = (
 )
 _OK, _SPACE, _EARTH, _SATURATED, _NO_FIT, _NOT_FINITE = range(len(REASONS))
 LEAST_SHARE = 1e-3  # a signal nearer to 0 or 1 is saturated: it no longer says how far the limb is
-_MISFIT = 0.03  # most rms misfit of a signal; sampling and noise stay far below
+MOST_MISFIT = 0.06  # of the four signals without `sigma`; sampling and noise stay far below
+_RAYS = 2000
+SAMPLING = 0.3 * _RAYS**-0.75  # rms error of a share from so many rays
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,7 @@ class StaticSensor:
         least = (self.radius + self.equivalent_height) / np.sin(self.circle + self.field)
         return float(least - self.radius), float(most - self.radius)
 
-    def rays(self, count: int = 2000) -> np.ndarray:
+    def rays(self, count: int = _RAYS) -> np.ndarray:
         """(4, count, 3) lines of sight that fill the fields evenly, on Fibonacci's spiral."""
         k = np.arange(count) + 0.5
         along = 1 - (1 - np.cos(self.field)) * k / count
@@ -123,14 +130,14 @@ class StaticFix:
 
 
 def signals(
-    sensor: StaticSensor, attitude: ArrayLike, height: ArrayLike, count: int = 2000
+    sensor: StaticSensor, attitude: ArrayLike, height: ArrayLike, count: int = _RAYS
 ) -> np.ndarray:
     """Share (…, 4) of each field's rays that meet the Earth, 0 to 1.
 
     `attitude` is (…, 3, 3), body from a frame with z to the Earth's centre, `height` (…), m. The limb
     cuts about √count rays, so that a share errs by about 0.3 count^(−3/4).
     """
-    attitude, height = np.asarray(attitude, dtype=float), np.asarray(height, dtype=float)
+    attitude, height = check_attitude(attitude), np.asarray(height, dtype=float)
     angular_radius(height, sensor.radius, sensor.equivalent_height)
     distance, sphere = sensor.radius + height, sensor.radius + sensor.equivalent_height
     nadir = attitude[..., :, 2]
@@ -165,6 +172,10 @@ def tilt(sensor: StaticSensor, signals: ArrayLike, sigma: float | None = None) -
     n_x = πa/4 (I₁ − I₃) and n_y = πa/4 (I₂ − I₄). Then by Gauss–Newton on the overlap of the caps,
     for the nadir and ρ, which holds wherever all four fields are cut by the limb. `sigma` is the
     standard error of each signal.
+
+    Four signals that fit no disc are refused: where the root of the sum of their squared misfits, which
+    has one degree of freedom, is beyond `AGREE` standard errors (`sigma` and `SAMPLING`, what `signals` is
+    good to, together) or, without `sigma`, beyond `MOST_MISFIT`.
     """
     signals, sigma = np.asarray(signals, dtype=float), check_sigma(sigma)
     if signals.ndim < 1 or signals.shape[-1] != 4:
@@ -195,7 +206,8 @@ def tilt(sensor: StaticSensor, signals: ArrayLike, sigma: float | None = None) -
         nadir = nadir / np.linalg.norm(nadir, axis=-1, keepdims=True)
         rho = np.clip(rho + step[..., 3], 1.05 * sensor.field, np.pi / 2)
     rows, left = _linear(sensor.field, centres, nadir, rho, given)
-    code[(code == _OK) & (np.sqrt((left**2).mean(axis=-1)) > _MISFIT)] = _NO_FIT
+    most = MOST_MISFIT if sigma is None else AGREE * np.hypot(sigma, SAMPLING)
+    code[(code == _OK) & (np.linalg.norm(left, axis=-1) > most)] = _NO_FIT
     good = code == _OK
     sphere = sensor.radius + sensor.equivalent_height
     height = sphere / np.sin(rho) - sensor.radius
