@@ -146,8 +146,46 @@ def test_slit_field_of_view():
         (lambda: cell_angle(0.5, -1), "full is -1"),
         (lambda: four_cell_direction([1, 1, 1, 1], TILT, sigma=0), "sigma is 0"),
         (lambda: SlitSensor(0, 1e-6, 10), "height is 0"),
+        (lambda: SlitSensor(1, 1, 2.5), "pixels is 2.5: give a whole number"),
+        (lambda: SLIT.direction([3, 4], noise=-1), "noise is -1"),
+        (lambda: SLIT.direction([3, 4], noise=np.ones(2)), "noise is .* one standard error"),
+        (lambda: pair_angle([1, 2], TILT, np.ones(2)), "full is .* the one current"),
+        (lambda: cell_angle([1, 2], np.ones(2)), "full is .* the one current"),
+        (lambda: four_cell_direction([1, 1, 1, 1], TILT, sigma=np.ones(4)), "give one positive"),
+        (lambda: four_normals(np.ones(2)), "tilt is"),
     ],
 )
 def test_settings_out_of_range(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+def test_a_pair_brighter_than_the_full_current():
+    found = pair_angle([[5, 5.2], [0.8, 0.9]], np.radians(30), 1.0, sigma=1e-3)
+    assert "above the full current" in found.reasons[0]
+    assert np.isnan(found.angle[0])
+    assert found.reasons[1] == ""
+    assert "above the full current" in pair_angle([5, 5.2], np.radians(30), 1.0).reasons.item()
+    # Noise on the Sun in one cell's normal: 5 standard errors are allowed.
+    noise = np.random.default_rng(36).normal(0, 1e-3, (10_000, 2))
+    full = cell_currents(in_plane(np.radians(30)), pair_normals(np.radians(30)))
+    assert full[0] == pytest.approx(1)
+    assert (pair_angle(full + noise, np.radians(30), 1.0, 1e-3).reasons == "").all()
+
+
+def test_currents_as_they_are_stored():
+    """Without `sigma`: single precision, six decimals and counts are all right, a shadow is not."""
+    sun = np.array([0.2, -0.1, 1.0]) / np.linalg.norm([0.2, -0.1, 1.0])
+    exact = cell_currents(sun, four_normals(TILT))
+    for stored, error in (
+        (exact.astype(np.float32), 1e-7),
+        (exact.round(6), 2e-6),
+        (np.round(1000 * exact).astype(int), 2e-3),
+    ):
+        found = four_cell_direction(stored, TILT)
+        assert found.reasons == ""
+        assert np.abs(found.direction - sun).max() < error
+    for share, agree in ((0.009, True), (0.011, False)):
+        shaded = exact - [0, 0, 0, share * exact[:2].sum()]
+        assert (four_cell_direction(shaded, TILT).reasons == "") == agree
+    assert cell_angle(np.float32(0.1), 0.1).reasons == ""

@@ -22,7 +22,11 @@ CONE = (
     "known plane both +θ and −θ fit."
 )
 _DETECTED = 3.0  # a current below so many standard errors is taken for dark
-_AGREE = 5.0  # standard errors of the difference of the pairs' sums
+_AGREE = (
+    5.0  # standard errors of the difference of the pairs' sums, and of a current above the full one
+)
+_ALIKE = 0.01  # most difference of the pairs' sums without `sigma`, of their mean
+_ROUNDING = 1e-6  # of the full current, above which a current in single precision may lie
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,7 @@ def cell_angle(current: ArrayLike, full: float, sigma: float | None = None) -> C
     share = current / full
     noise = 0.0 if sigma is None else sigma / full
     code = np.full(current.shape, _OK)
-    code[share > 1 + max(1e-9, _AGREE * noise)] = _ABOVE
+    code[share > 1 + max(_ROUNDING, _AGREE * noise)] = _ABOVE
     code[share <= _DETECTED * noise] = _BEHIND
     code[~np.isfinite(share)] = _NOT_FINITE
     good = code == _OK
@@ -121,14 +125,15 @@ def pair_angle(
 ) -> SunAngle:
     """θ from a pair's currents (…, 2): ΔI = 2 I₀ sin θ₀ sin θ (3.3), while |θ| < π/2 − θ₀.
 
-    With the Sun out of the pair's plane sin θ is its component along the pair. `sigma` is the standard
-    error of each current.
+    With the Sun out of the pair's plane sin θ is its component along the pair. `full` is I₀ of both cells;
+    a current above it is refused. `sigma` is the standard error of each current.
     """
     currents, full, sigma = _pairs(currents, 2), _check_full(full), _check_sigma(sigma)
     slope = 2 * full * np.sin(_check_tilt(tilt))
     code = _lit(currents, sigma)
     sine = (currents[..., 0] - currents[..., 1]) / slope
-    code[(code == _OK) & (np.abs(sine) > 1)] = _ABOVE
+    most = full * (1 + _ROUNDING) if sigma is None else full + max(full * _ROUNDING, _AGREE * sigma)
+    code[(code == _OK) & ((np.abs(sine) > 1) | (currents > most).any(axis=-1))] = _ABOVE
     good = code == _OK
     angle = np.where(good, np.arcsin(np.where(good, sine, 0.0)), np.nan)
     std = None if sigma is None else np.sqrt(2) * sigma / (slope * np.maximum(np.cos(angle), 1e-6))
@@ -141,16 +146,16 @@ def four_cell_direction(
     """s ∝ [(I₁−I₂)/(I₁+I₂), (I₃−I₄)/(I₃+I₄), tan θ₀] from four currents (…, 4), whatever I₀ is.
 
     Exact while all four are lit: I₁ − I₂ = 2 I₀ s_x sin θ₀ and I₁ + I₂ = 2 I₀ s_z cos θ₀. Both sums are the
-    same, which is checked. A cell in the dark reads 0, not the negative current which the formula needs: such
-    a sample is refused. `sigma` is the standard error of each current.
+    same, which is checked: to 5 standard errors or, without `sigma`, to 1 % of their mean, which turns
+    the direction by some 0.01/tan θ₀ rad. A cell in the dark reads 0, not the negative current which the
+    formula needs: such a sample is refused. `sigma` is the standard error of each current.
     """
     currents, sigma = _pairs(currents, 4), _check_sigma(sigma)
     tangent = np.tan(_check_tilt(tilt))
     code = _lit(currents, sigma)
     safe = np.where((code == _OK)[..., None], currents, 1.0)
     first, second = safe[..., 0] + safe[..., 1], safe[..., 2] + safe[..., 3]
-    noise = 0.0 if sigma is None else sigma
-    limit = 1e-9 * (first + second) + _AGREE * 2 * noise
+    limit = _ALIKE * (first + second) / 2 if sigma is None else _AGREE * 2 * sigma
     code[(code == _OK) & (np.abs(first - second) > limit)] = _DISAGREE
     x = (safe[..., 0] - safe[..., 1]) / first
     y = (safe[..., 2] - safe[..., 3]) / second
@@ -181,6 +186,8 @@ class SlitSensor:
         for name in ("height", "pitch", "pixels"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}: give a positive number")
+        if self.pixels % 1:
+            raise ValueError(f"pixels is {self.pixels}: give a whole number")
 
     @property
     def half_field(self) -> float:
@@ -213,6 +220,8 @@ class SlitSensor:
         in pixels, together.
         """
         numbers = _pairs(numbers, 2)
+        if np.ndim(noise) or not 0 <= noise < np.inf:
+            raise ValueError(f"noise is {noise}: give one standard error in pixels, 0 or more")
         code = np.full(numbers.shape[:-1], _OK)
         code[~np.isfinite(numbers).all(axis=-1)] = _OUTSIDE
         beyond = (numbers < -0.5) | (numbers > self.pixels - 0.5)
@@ -253,18 +262,20 @@ def _pairs(values: ArrayLike, count: int) -> np.ndarray:
 
 
 def _check_tilt(tilt: float) -> float:
-    if not 0 < tilt < np.pi / 2:
+    if np.ndim(tilt) or not 0 < tilt < np.pi / 2:
         raise ValueError(f"tilt is {tilt} rad: give the cells' tilt θ₀, between 0 and π/2")
     return float(tilt)
 
 
 def _check_full(full: float) -> float:
-    if not (np.isfinite(full) and full > 0):
-        raise ValueError(f"full is {full}: give the current under perpendicular light, above 0")
+    if np.ndim(full) or not (np.isfinite(full) and full > 0):
+        raise ValueError(f"full is {full}: give the one current under perpendicular light, above 0")
     return float(full)
 
 
 def _check_sigma(sigma: float | None) -> float | None:
-    if sigma is not None and not (np.isfinite(sigma) and sigma > 0):
-        raise ValueError(f"sigma is {sigma}: give a positive standard error of a current, or None")
+    if sigma is not None and (np.ndim(sigma) or not (np.isfinite(sigma) and sigma > 0)):
+        raise ValueError(
+            f"sigma is {sigma}: give one positive standard error of a current, or None"
+        )
     return sigma
