@@ -6,6 +6,7 @@ import pytest
 from sensorbook.attitude.rotations import axis_rotation, error_vector
 from sensorbook.attitude.sensors.horizon import tilted
 from sensorbook.attitude.sensors.star import (
+    Image,
     StarSensor,
     attitude,
     catalogue_size,
@@ -77,7 +78,7 @@ def test_errors_across_and_about_the_boresight():
     for _ in range(2000):
         fix = attitude(SENSOR, take_image(SENSOR, body, stars, noise, rng), stars, noise)
         off = error_vector(fix.matrix, body)
-        nees.append(off @ np.linalg.solve(fix.solution.covariance, off))
+        nees.append(off @ np.linalg.solve(fix.covariance, off))
         errors.append(MOUNTED @ off)
     # χ² of three; the mean of 2000 has a standard error of 1.8 % of 3.
     assert np.mean(nees) == pytest.approx(3, rel=0.06)
@@ -102,5 +103,60 @@ def test_settings_out_of_range():
         catalogue_size(3, -1, 1)
     with pytest.raises(ValueError, match="chance is 1"):
         mean_for(1)
+    with pytest.raises(ValueError, match="mean is -1"):
+        chance_in_view(-1)
+    with pytest.raises(ValueError, match="least is 0: give 1 or more"):
+        mean_for(0.5, 0)
+    with pytest.raises(ValueError, match="noise is -1"):
+        take_image(SENSOR, np.eye(3), sky(), -1)
+    with pytest.raises(ValueError, match="noise is 0"):
+        attitude(SENSOR, take_image(SENSOR, np.eye(3), sky()), sky(), 0)
+    with pytest.raises(ValueError, match="it mirrors"):
+        take_image(SENSOR, -np.eye(3), sky())
     with pytest.raises(ValueError, match="seeded generator"):
         take_image(SENSOR, np.eye(3), sky(), 0.1)
+
+
+def test_any_number_of_stars_has_its_mean():
+    assert chance_in_view(mean_for(0.5, 30_000), 30_000) == pytest.approx(0.5)
+    # 1 − exp(−m) = 10⁻⁶
+    assert mean_for(1e-6, 1) == pytest.approx(1e-6, rel=1e-4)
+
+
+def test_a_pixel_spans_less_off_the_boresight():
+    place = np.array([900.0, 700.0])
+    outward = (place - SENSOR.centre) / np.linalg.norm(place - SENSOR.centre)
+    spans = [
+        np.linalg.norm(SENSOR.direction(place + 1e-3 * step) - SENSOR.direction(place)) / 1e-3
+        for step in (outward, outward[::-1] * [-1, 1])
+    ]
+    assert SENSOR.pixel_angles(SENSOR.direction(place)) == pytest.approx(spans, rel=1e-5)
+
+
+@pytest.mark.parametrize("field", np.radians([60, 140]))
+def test_standard_errors_of_wide_fields(field):
+    wide = StarSensor.of_field(field, field, 1024, sensor_from_body=MOUNTED)
+    stars = reference_vectors(*random_sky(300, np.random.default_rng(37)))
+    body, noise, rng = tilted(0.3, -0.4, 1.2), 0.1, np.random.default_rng(38)
+    errors, nees = [], []
+    for _ in range(2000):
+        fix = attitude(wide, take_image(wide, body, stars, noise, rng), stars, noise)
+        off = error_vector(fix.matrix, body)
+        nees.append(off @ np.linalg.solve(fix.covariance, off))
+        errors.append(MOUNTED @ off)
+    # Known to 1.8 % of 3, 1.1 % and 1.6 %.
+    assert np.mean(nees) == pytest.approx(3, rel=0.06)
+    rms = np.sqrt((np.array(errors) ** 2).mean(axis=0))
+    assert np.sqrt((rms[:2] ** 2).mean()) == pytest.approx(fix.across_std, rel=0.04)
+    assert rms[2] == pytest.approx(fix.roll_std, rel=0.05)
+
+
+def test_stars_in_one_direction_are_refused_not_raised():
+    for place, words in (([500.0, 500.0], "parallel"), ([np.nan, 500.0], "no finite number")):
+        image = Image(np.array([0, 1]), np.array([[500.0, 500.0], place]))
+        for noise in (None, 0.1):
+            fix = attitude(SENSOR, image, sky(), noise)
+            assert words in fix.reason
+            assert np.isnan(fix.matrix).all()
+            assert np.isnan([fix.across_std, fix.roll_std]).all()
+            assert fix.solution is None
