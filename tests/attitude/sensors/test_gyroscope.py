@@ -31,6 +31,26 @@ def test_angle_random_walk():
     assert angle_error(10.0, 0.1, 0.0)[0] == pytest.approx(1.0)
 
 
+def test_rate_random_walk_keeps_its_size_to_the_end():
+    """std(y(T) − y(0)) = K√T, and at every tenth of the way; 0.935 of it would be a periodic noise."""
+    walk, rate, rng = 1e-4, 20.0, np.random.default_rng(39)
+    noise = np.stack(
+        [
+            rates(gyroscope(), np.zeros((201, 3)), rate, rng, rate_random_walk=walk)
+            for _ in range(2000)
+        ]
+    )
+    assert (noise[:, 0] == 0).all()
+    change = noise[:, 20::20] - noise[:, :1]
+    time = np.arange(20, 201, 20) / rate
+    ratio = np.sqrt((change**2).mean(axis=(0, 2))) / (walk * np.sqrt(time))
+    # 6000 walks: 0.9 %; four of that.
+    assert ratio == pytest.approx(np.ones(10), abs=0.037)
+    apart = np.corrcoef(change[:, -1].T)  # of 2000: 0.022
+    assert np.abs(apart - np.eye(3)).max() < 0.09
+    assert rates(gyroscope(), np.zeros((1, 3)), rate, rng, rate_random_walk=walk).shape == (1, 3)
+
+
 def test_settings_out_of_range():
     with pytest.raises(ValueError, match="diagonal of zeros"):
         gyroscope(misalignment=np.eye(3))
