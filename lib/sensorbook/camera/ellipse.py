@@ -257,14 +257,13 @@ def _refined(z: np.ndarray, scale: np.ndarray, conic: np.ndarray) -> np.ndarray:
         normal += np.outer(fixed, fixed) * (np.trace(normal) / (fixed @ fixed))
         # The floor is for l₂₂ = 0, a parabola, where its column is empty.
         weights = np.diag(np.diag(normal) + 1e-9 * np.trace(normal))
-        gradient, old = jacobian.T @ r, _conic(k)
+        gradient = jacobian.T @ r
         while damping < 1e12:
             step = -np.linalg.solve(normal + damping * weights, gradient)
             new = _conic(k + step)
             new_r, new_slopes = _sampson(z, scale, new)
             after = new_r @ new_r
-            # A long step would end on a parabola, where the slope of the discriminant is none.
-            if after <= before and _inside(new) < 0 and _discriminant(new) > _discriminant(old) / 4:
+            if after <= before and _inside(new) < 0:
                 break
             damping = max(10 * damping, 1e-12)
         else:
