@@ -270,7 +270,7 @@ def _refined(z: np.ndarray, scale: np.ndarray, conic: np.ndarray) -> np.ndarray:
             break
         moved = np.abs(step).max() / np.abs(k).max()
         damping, gain, before = damping / 10, before - after, after
-        k, r, slopes = _factored(new), new_r, new_slopes
+        k, r, slopes = _factored(new), new_r, new_slopes * np.linalg.norm(new)
         if moved < 1e-11 or gain == 0:
             break
     return _ellipse_or_refusal(_conic(k))
