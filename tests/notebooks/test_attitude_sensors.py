@@ -85,3 +85,15 @@ def test_from_far_the_choice_is_a_guess(tmp_path):
     assert abs(found["roll_rad"] - np.radians(8)) > 0.01
     assert "The choice is wrong here" in text
     assert "two cones, four crossings: fewer than three crossings" in text
+
+
+def test_a_cone_of_90_degrees_decides_nothing(tmp_path):
+    record, text = read_chapter("attitude_sensors", tmp_path, cone_deg=90.0)
+    found = record["results"]["attitude_sensors"]["one_cone"]
+    assert (found["roll_rad"], found["pitch_rad"], found["choice"]) == (None, None, "")
+    assert (
+        "One cone gives no attitude: both solutions fit and neither is nearer to the nadir" in text
+    )
+    assert "choose a narrower cone, or add a second one" in text
+    assert "The choice is wrong" not in text
+    assert "nan" not in text
