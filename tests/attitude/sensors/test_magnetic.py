@@ -43,6 +43,8 @@ def test_refusals():
         field_direction(FIELD, soft_iron=np.zeros((3, 3)))
     with pytest.raises(ValueError, match="give a seeded generator"):
         readings(np.eye(3), FIELD, noise=1e-8)
+    with pytest.raises(ValueError, match="it mirrors"):
+        readings(-np.eye(3), FIELD)
 
 
 def test_orbit():

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from sensorbook import earth
 from sensorbook.attitude import frames
+from sensorbook.attitude.sensors.conical import check_attitude
 
 UNOBSERVABLE = (
     "The rotation about the field's direction is not observable: one vector gives two of three angles. "
@@ -83,7 +84,7 @@ def readings(
     soft_iron : (3, 3), of the house's convention true = soft_iron · (raw − bias)
     noise : standard deviation of each axis, T; needs `rng`
     """
-    body = np.einsum("...ij,...j->...i", np.asarray(attitude, dtype=float), field)
+    body = np.einsum("...ij,...j->...i", check_attitude(attitude), field)
     if soft_iron is not None:
         body = np.einsum("ij,...j->...i", np.linalg.inv(_soft_iron(soft_iron)), body)
     body = body + np.asarray(bias, dtype=float)
