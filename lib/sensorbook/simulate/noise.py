@@ -3,8 +3,9 @@
 Gaussian spectral lines are drawn with the two-sided density
 ``S(f) = N² + B²/(2πf) + K²/(2πf)²`` (IEEE Std 952-1997) and transformed to time. The series is eight
 times as long as what is kept, so that it holds components far slower than the record. Its periodicity
-shows in the slowest: the change of a rate random walk over a time t of a record of length T scatters by
-K √(t (1 − t/(8T))), which is √(7/8), 6.5 % too small, from end to end and 0.6 % over a tenth of it.
+shows in the slowest: the change of a rate random walk over a time t of many samples, of a record of
+length T, scatters by K √(t (1 − t/(8T))), which is √(7/8), 6.5 % too small, from end to end and 0.6 % over
+a tenth of it.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class HorizonFix:
         could be chosen; None with two cones
     fits : (…, 2) whether each has the Earth, not space, between the crossings
     chosen : (…) which of them is `nadir`, 0 or 1; −1 where refused
-    choice : (…) why that one, in words
+    choice : (…) why that one, in words; "" where none is chosen
     covariance : (…, 3, 3) of `nadir`, rank 2: it has no error along itself; None without `sigma`
     information : (…, 3, 3), rad⁻², of the attitude's error vector in body axes; zero about the nadir,
         so that it adds to other sensors' and has no inverse of its own
