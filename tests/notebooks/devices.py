@@ -109,3 +109,11 @@ def read_chapter(slug: str, folder: Path, **parameters) -> tuple[dict, str]:
         for output in cell.get("outputs", ())
     ]
     return record, " ".join(" ".join(shown).split())
+
+
+def refused_chapter(slug: str, folder: Path, **parameters) -> str:
+    """Why a chapter that needs no device refuses its parameters."""
+    chapter = next(c for c in chapters.CHAPTERS if c.slug == slug)
+    outcome = execute.execute(chapter.notebook, parameters, folder, folder, "")
+    assert outcome.status == "refused", (outcome.status, outcome.reason)
+    return outcome.reason

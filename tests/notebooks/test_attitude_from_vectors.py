@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from devices import read_chapter
+from devices import read_chapter, refused_chapter
 
 from sensorbook.attitude.vectors import SOLVERS
 
@@ -43,7 +43,7 @@ def test_sentences(read):
     text = read[1]
     assert "makes an angle of **103.4°** with the direction to the Sun" in text
     assert "Trust the Sun: the wrong order costs a factor of 1.39." in text
-    assert "gives way by **0.12 %** of the misfit" in text
+    assert "gives way by **0.115 %** of the misfit" in text
     assert "comes so near the optimum" in text
     assert "Warning" not in text
 
@@ -57,9 +57,44 @@ def test_sentences_change_with_the_facts(tmp_path):
         epochs=1000,
     )
     assert "The satellite is in the Earth's shadow then" in text
-    assert "The order hardly matters here" in text
+    assert "The order hardly matters here: both sensors are as good." in text
     assert "are within" in text
     assert "about the three axes of its error" in text
     assert "is no longer near the optimum" in text
     assert record["results"]["attitude_from_vectors"]["normalised_error_squared"]["optimal"] > 2
     assert [w["message"][:13] for w in record["warnings"]] == ["The satellite", "The two direc"]
+
+
+def test_sensors_that_change_places(tmp_path):
+    record, text = read_chapter(
+        "attitude_from_vectors", tmp_path, sun_error=0.5, field_error=0.0, epochs=2000
+    )
+    assert "Trust the field" in text
+    assert "about the field's direction only the Sun tells" in text
+    beyond = record["results"]["attitude_from_vectors"]["chi_squared_beyond_95_percent"]
+    assert beyond["three_times_worse"] == pytest.approx(0.514, abs=0.06)
+
+
+def test_where_the_field_is_no_reference_and_errors_are_large(tmp_path):
+    record, _ = read_chapter(
+        "attitude_from_vectors", tmp_path, height_km=35786.0, field_error=20.0, epochs=200
+    )
+    assert [w["message"][:18] for w in record["warnings"]] == [
+        "Currents in space ",
+        "Errors so large ar",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"height_km": -7000.0}, "height_km is -7000. Give 0 to 100000 km."),
+        ({"latitude": 91.0}, "latitude is 91. Give -90 to 90 degrees."),
+        ({"time": "2040-01-01T00:00"}, "the IGRF holds from 1900 to 2030"),
+        ({"time": "noon"}, "time is noon"),
+        ({"epochs": 3}, "epochs is 3. Give a whole number, 100 or more."),
+        ({"sun_error": -1.0}, "sun_error is -1 and field_error 0.5. Give 0 to 60 degrees."),
+    ],
+)
+def test_nonsense_is_refused_by_its_name(tmp_path, parameters, reason):
+    assert reason in refused_chapter("attitude_from_vectors", tmp_path, **parameters)

@@ -6,7 +6,7 @@ of the solvers' formulas.
 
 from __future__ import annotations
 
-import time
+import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,8 +14,52 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from sensorbook import earth
+from sensorbook.attitude.frames import ecef_from_eci, ecef_from_geodetic, ned_from_ecef
 from sensorbook.attitude.observations import Solution
 from sensorbook.attitude.rotations import error_vector
+from sensorbook.errors import Refusal
+
+MODEL_ERROR = 0.1e-6  # T, currents in space that the IGRF does not have (`earth.field_in_ned`)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a satellite sees: unit vectors (3,) to the Sun and along the field, inertial, and the field, T.
+
+    `shadow` is whether the Earth hides the Sun, `model_error` the angle, rad, that the field's direction
+    may be off its model by.
+    """
+
+    sun: np.ndarray
+    field: np.ndarray
+    strength: float
+    shadow: bool
+    model_error: float
+
+
+def scene(time: str, latitude: float, longitude: float, height_km: float) -> Scene:
+    """Sun and field at a UTC time and a geodetic place, deg and km; a Refusal for what makes no sense."""
+    for name, value, low, high, unit in (
+        ("latitude", latitude, -90, 90, "degrees"),
+        ("longitude", longitude, -360, 360, "degrees"),
+        ("height_km", height_km, 0, 1e5, "km"),
+    ):
+        if not low <= value <= high:
+            raise Refusal(f"{name} is {value:g}.", f"Give {low:g} to {high:g} {unit}.")
+    place = np.radians(latitude), np.radians(longitude), 1000 * height_km
+    try:
+        to_inertial = ecef_from_eci(time).T
+        local = earth.field_in_ned(*place, time)
+    except ValueError as error:
+        raise Refusal(f"time is {time}: {error}.", "Give UTC as 2024-05-01T12:00.") from None
+    position = to_inertial @ ecef_from_geodetic(*place)
+    sun = earth.sun_direction(time, position)
+    field = to_inertial @ ned_from_ecef(*place[:2]).T @ local
+    strength = float(np.linalg.norm(field))
+    beside = np.linalg.norm(np.cross(position, sun))
+    shadow = bool(position @ sun < 0 and beside < earth.EQUATOR_RADIUS)
+    return Scene(sun, field / strength, strength, shadow, float(np.arctan(MODEL_ERROR / strength)))
 
 
 @dataclass(frozen=True)
@@ -49,8 +93,11 @@ class Accuracy:
 def simulate_epochs(reference: ArrayLike, sigma: ArrayLike, size: int, seed: int) -> Epochs:
     """Random attitudes that see `reference` vectors (k, 3) with errors of `sigma` (k,), rad.
 
-    Each direction errs by independent normal angles about the two axes across it.
+    Each direction errs by independent normal angles about the two axes across it. A Refusal for fewer
+    than 100, whose averages would say nothing.
     """
+    if size != int(size) or size < 100:
+        raise Refusal(f"epochs is {size:g}.", "Give a whole number, 100 or more.")
     rng = np.random.default_rng(seed)
     reference, sigma = _unit(np.asarray(reference, dtype=float)), np.asarray(sigma, dtype=float)
     true = np.swapaxes(Rotation.random(size, rng=rng).as_matrix(), -1, -2)
@@ -138,9 +185,9 @@ def seconds_an_epoch(solver: Callable[..., Solution], seen: Epochs, times: int =
     """Best of some runs over the whole batch, divided by its size."""
     took = []
     for _ in range(times):
-        began = time.perf_counter()
+        began = clock.perf_counter()
         solver(seen.measured, seen.reference).matrix  # noqa: B018, computed here
-        took.append(time.perf_counter() - began)
+        took.append(clock.perf_counter() - began)
     return min(took) / len(seen.measured)
 
 
