@@ -1,0 +1,136 @@
+"""From an image of Earth and Sun to an attitude."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sensorbook.attitude import two_vector
+from sensorbook.attitude.rotations import matrix_from_axis_angle
+from sensorbook.camera.limb import COPIES, Limb, find_edges, fit_limb, tukey
+from sensorbook.camera.model import Camera
+from sensorbook.camera.scene import EARTH_RADIUS
+from sensorbook.camera.sun import Sun, find_sun
+
+HAZE, HAZE_STD = 10e3, 15e3  # m: where the air's brightness ends, seen from space
+
+
+@dataclass(frozen=True, eq=False)
+class ImageAttitude:
+    """What one image tells.
+
+    Attributes
+    ----------
+    sun, limb : what was found of either
+    matrix : (3, 3), body from inertial; None where the image does not determine it
+    covariance : (3, 3), rad², of the error vector in body axes
+    status : "ok", or the reason in words
+    """
+
+    sun: Sun
+    limb: Limb
+    matrix: np.ndarray | None
+    covariance: np.ndarray | None
+    status: str
+
+
+def attitude_from_image(
+    image: np.ndarray,
+    camera: Camera,
+    position: ArrayLike,
+    sun: ArrayLike,
+    semi_axes: ArrayLike = (EARTH_RADIUS,) * 3,
+) -> ImageAttitude:
+    """The attitude of a body whose camera sees Earth and Sun.
+
+    Parameters
+    ----------
+    image : (height, width), uint8
+    position : (3,), m, of the satellite from the Earth's centre, inertial
+    sun : (3,), unit vector from the satellite to the Sun, inertial
+    semi_axes : (3,), m, of the Earth along the inertial axes
+    """
+    position, sun = np.asarray(position, dtype=float), np.asarray(sun, dtype=float)
+    semi_axes = np.asarray(semi_axes, dtype=float)
+    seen = find_sun(image, camera)
+    edges = find_edges(image, camera, seen.pixel)
+    size = np.linalg.norm(position)
+    limb = fit_limb(edges, camera, seen.direction, _expected(size, semi_axes.mean()))
+    missing = [what.status for what in (seen, limb) if what.status != "ok"]
+    if missing:
+        return ImageAttitude(seen, limb, None, None, "no solution: " + ", ".join(missing))
+    down = -position / size
+    measured = np.array([limb.direction, seen.direction]) @ camera.to_body.T
+    first = two_vector(measured, [down, sun], sigma=[max(limb.std, 1e-6), seen.std])
+    matrix, covariance = _joint(first.matrix, limb, seen, camera, position, sun, semi_axes)
+    return ImageAttitude(seen, limb, matrix, covariance, "ok")
+
+
+def _expected(distance: float, radius: float) -> tuple[float, float]:
+    """Angular radius of a limb at the usual height of haze, rad, and how far it may be off."""
+    sine = (radius + HAZE) / distance
+    return float(np.arcsin(sine)), float(HAZE_STD / distance / np.sqrt(1 - sine**2))
+
+
+def _joint(matrix, limb, seen, camera, position, sun, semi_axes):
+    """Attitude and the height of the haze together, from limb and Sun: matrix (3, 3), covariance (3, 3).
+
+    A short arc of limb leaves the direction to the centre and the radius nearly one; the Sun's known
+    distance from the nadir tells them apart. In units of the semi-axes an ellipsoid is a sphere and
+    lines stay lines, so that it is no harder than a sphere.
+    """
+    rays = limb.rays[limb.used] @ camera.to_body.T
+    across = limb.across[limb.used] @ camera.to_body.T
+    to_sun = camera.to_body @ seen.direction
+    sides = _across(to_sun)
+    height = HAZE
+
+    def misfits(turned, height):
+        """Of limb and Sun in standard errors, and the limb's slope per pixel."""
+        axes = semi_axes + height
+        place = position / axes
+        depth = _depth(rays @ turned, place, axes)
+        ahead = _depth((rays + 1e-3 * across) @ turned, place, axes)
+        slope = (ahead - depth) * 1e3
+        return depth / slope / limb.sigma[limb.used], sides @ (turned @ sun - to_sun) / seen.std
+
+    for _ in range(6):
+        base = misfits(matrix, height)
+        jacobian = []
+        for k in range(3):
+            moved = misfits(matrix_from_axis_angle(np.eye(3)[k], 1e-6) @ matrix, height)
+            jacobian.append([(m - b) / 1e-6 for m, b in zip(moved, base, strict=True)])
+        moved = misfits(matrix, height + 10.0)
+        jacobian.append([(m - b) / 10.0 for m, b in zip(moved, base, strict=True)])
+        weight, scale = tukey(base[0])
+        weight = weight / (scale**2 * COPIES)
+        on_limb = np.stack([j[0] for j in jacobian], axis=-1)
+        on_sun = np.stack([j[1] for j in jacobian], axis=-1)
+        normal = on_limb.T @ (weight[:, None] * on_limb) + on_sun.T @ on_sun
+        normal[3, 3] += 1 / HAZE_STD**2
+        right = -on_limb.T @ (weight * base[0]) - on_sun.T @ base[1]
+        right[3] -= (height - HAZE) / HAZE_STD**2
+        move = np.linalg.solve(normal, right)
+        angle = np.linalg.norm(move[:3])
+        if angle > 0:
+            matrix = matrix_from_axis_angle(move[:3] / angle, angle) @ matrix
+        height += move[3]
+        if angle < 1e-9:
+            break
+    return matrix, np.linalg.inv(normal)[:3, :3]
+
+
+def _depth(sight: np.ndarray, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """How far below the limb lines of sight (N, 3) pass, in radii."""
+    sight = sight / axes
+    along = (sight @ place) / (sight**2).sum(axis=-1)
+    return 1 - np.linalg.norm(place - along[:, None] * sight, axis=-1)
+
+
+def _across(direction: np.ndarray) -> np.ndarray:
+    """Two unit vectors (2, 3) across a direction (3,)."""
+    first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first)])

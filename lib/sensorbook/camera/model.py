@@ -1,0 +1,118 @@
+"""A pinhole camera with distortion: pixels to directions and back.
+
+Camera axes are x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera.
+
+    Parameters
+    ----------
+    width, height : pixels
+    focal_px : focal length in pixels
+    principal_point : (x, y), pixels; the middle of the image where left out
+    distortion : k₁, k₂, p₁, p₂, k₃, k₄, k₅, k₆ of OpenCV's model, as many as are known
+    to_body : (3, 3), turns directions in camera axes into body axes
+
+    >>> wide = Camera(1280, 720, 369.5)  # work C, table 4.2
+    >>> right = wide.rays([1279.5, 359.5])
+    >>> round(2 * float(np.degrees(np.arctan2(right[0], right[2]))), 1)  # across, degrees
+    120.0
+    """
+
+    width: int
+    height: int
+    focal_px: float
+    principal_point: tuple[float, float] | None = None
+    distortion: tuple[float, ...] = ()
+    to_body: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+    @classmethod
+    def of(cls, table: Mapping) -> Camera:
+        """The camera that a `[camera]` table of device.toml declares; its `sees` is not the camera's."""
+        own = {key: value for key, value in table.items() if key != "sees"}
+        if "to_body" in own:
+            own["to_body"] = np.array(own["to_body"], dtype=float)
+        for key in ("principal_point", "distortion"):
+            if key in own:
+                own[key] = tuple(map(float, own[key]))
+        return cls(**own)
+
+    @property
+    def centre(self) -> np.ndarray:
+        """The principal point, (2,)."""
+        if self.principal_point is not None:
+            return np.array(self.principal_point, dtype=float)
+        return np.array([(self.width - 1) / 2, (self.height - 1) / 2])
+
+    def rays(self, pixels: ArrayLike) -> np.ndarray:
+        """Unit vectors (…, 3) in camera axes through pixels (…, 2): (3.12), distortion taken out."""
+        pixels = np.asarray(pixels, dtype=float)
+        if any(self.distortion):
+            flat = np.ascontiguousarray(pixels.reshape(-1, 1, 2))
+            to_rounding = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-14)
+            plane = cv2.undistortPoints(
+                flat, self._matrix, self._coefficients, criteria=to_rounding
+            ).reshape(pixels.shape)
+        else:
+            plane = (pixels - self.centre) / self.focal_px
+        rays = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    def project(self, directions: ArrayLike) -> np.ndarray:
+        """Pixels (…, 2) of directions (…, 3) in camera axes; NaN where they are behind the camera."""
+        directions = np.asarray(directions, dtype=float)
+        ahead = directions[..., 2] > 0
+        depth = np.where(ahead, directions[..., 2], np.nan)
+        plane = directions[..., :2] / depth[..., None]
+        if any(self.distortion):
+            flat = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1).reshape(
+                -1, 1, 3
+            )
+            known = np.nan_to_num(flat)
+            pixels, _ = cv2.projectPoints(
+                known, np.zeros(3), np.zeros(3), self._matrix, self._coefficients
+            )
+            return np.where(ahead[..., None], pixels.reshape(plane.shape), np.nan)
+        return self.focal_px * plane + self.centre
+
+    def sees(self, directions: ArrayLike, margin: float = 0.0) -> np.ndarray:
+        """Whether directions (…, 3) in camera axes fall into the image, `margin` pixels from its edge."""
+        pixels = self.project(directions)
+        with np.errstate(invalid="ignore"):
+            inside = (pixels >= margin - 0.5) & (pixels <= self._last + 0.5 - margin)
+        return inside.all(axis=-1)
+
+    @cached_property
+    def grid(self) -> np.ndarray:
+        """Unit vectors (height, width, 3) through all pixels' centres."""
+        x, y = np.meshgrid(np.arange(self.width), np.arange(self.height))
+        return self.rays(np.stack([x, y], axis=-1))
+
+    @property
+    def _last(self) -> np.ndarray:
+        return np.array([self.width - 1, self.height - 1])
+
+    @property
+    def _matrix(self) -> np.ndarray:
+        (x, y), f = self.centre, self.focal_px
+        return np.array([[f, 0, x], [0, f, y], [0, 0, 1.0]])
+
+    @property
+    def _coefficients(self) -> np.ndarray:
+        """As many as OpenCV takes: 4, 5 or 8."""
+        given = np.zeros(8)
+        given[: len(self.distortion)] = self.distortion
+        return given

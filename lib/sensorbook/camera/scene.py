@@ -1,0 +1,142 @@
+"""Renders what a camera in orbit sees of the Earth and the Sun, by casting a ray through every pixel.
+
+Independent of everything that reads images: no formula of the limb is used, only where rays meet the
+ellipsoid, how the ground there is lit, and which part of a pixel is covered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from sensorbook.camera.model import Camera
+
+EARTH_RADIUS = 6371e3  # m, C's sphere (table 4.1)
+WGS84 = (6378137.0, 6378137.0, 6356752.3142)  # m, semi-axes
+SUN_RADIUS = 695.7e6  # m (table 4.1)
+SUN_DISTANCE = 149.6e9  # m (table 4.1)
+HEIGHTS = {"leo": 2000e3, "meo": 20_000e3, "geo": 35_786e3}  # m (table 4.1)
+GROUND, SUN = 200.0, 255.0  # DN: of fully lit ground, and of the Sun, which saturates
+
+# Table 4.3: the Earth's camera of the two-camera design, printed to four digits.
+EARTH_CAMERA = np.array(
+    [[0.5001, 0, -0.8660], [-0.2560, 0.9553, -0.1478], [0.8273, 0.2956, 0.4777]]
+)
+
+_PARTS = 6  # samples across a pixel, where it is cut by an edge
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Where satellite and Sun are, and what the Earth looks like.
+
+    Parameters
+    ----------
+    position : (3,), m, of the satellite from the Earth's centre, inertial
+    sun : (3,), unit vector from the satellite to the Sun, inertial
+    semi_axes : (3,), m, of the Earth along the inertial axes
+    lit : "full" for even brightness, "lambert" for ground lit by the Sun
+    haze : m, height over which the air's brightness falls by e; 0 for no air
+    texture : (rows, columns) brightness 0 to 1 by latitude (north first) and longitude, or None
+    noise : DN, standard deviation of a pixel
+    """
+
+    position: np.ndarray
+    sun: np.ndarray
+    semi_axes: tuple[float, float, float] = field(default=(EARTH_RADIUS,) * 3)
+    lit: str = "full"
+    haze: float = 0.0
+    texture: np.ndarray | None = None
+    noise: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.lit not in ("full", "lambert"):
+            raise ValueError(f'lit is {self.lit!r}: give "full" or "lambert"')
+        if not np.linalg.norm(np.asarray(self.position) / np.asarray(self.semi_axes)) > 1:
+            raise ValueError("position is inside the Earth: give metres from its centre")
+
+
+def render(
+    camera: Camera, scene: Scene, attitude: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """The image (height, width), uint8, of a camera on a body with `attitude` (3, 3), body from inertial."""
+    to_inertial = np.asarray(attitude).T @ camera.to_body
+    rays = camera.grid @ to_inertial.T
+    bright, edge = _brightness(scene, rays, 1.5 / camera.focal_px)
+    rows, columns = np.nonzero(edge)
+    if len(rows):
+        step = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
+        x, y = np.meshgrid(step, step)
+        parts = np.stack([columns, rows], axis=-1)[:, None] + np.stack([x, y], axis=-1).reshape(
+            -1, 2
+        )
+        inside, _ = _brightness(scene, camera.rays(parts) @ to_inertial.T, 0.0)
+        bright[rows, columns] = inside.mean(axis=-1)
+    noisy = bright + scene.noise * rng.normal(size=bright.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def texture(seed: int, rows: int = 512) -> np.ndarray:
+    """A made-up Earth (rows, 2·rows): dark seas, brighter land, white clouds, 0.15 to 1."""
+    rng = np.random.default_rng(seed)
+
+    def noise(sizes):
+        made = sum(
+            size
+            * _even(
+                gaussian_filter(rng.normal(size=(rows, 2 * rows)), size, mode=("nearest", "wrap"))
+            )
+            for size in sizes
+        )
+        return _even(made)
+
+    land, cloud = noise((24, 12, 6)), noise((16, 8, 4, 2))
+    ground = np.where(land > 0.3, 0.35 + 0.08 * noise((3,)), 0.2)
+    cover = np.clip(0.8 * (cloud - 0.2), 0, 1)
+    return np.clip(ground * (1 - cover) + 0.95 * cover, 0.15, 1)
+
+
+def _even(field_: np.ndarray) -> np.ndarray:
+    return (field_ - field_.mean()) / field_.std()
+
+
+def _brightness(scene: Scene, rays: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray]:
+    """DN along rays (…, 3), and which are within `near`, rad, of an edge."""
+    axes = np.asarray(scene.semi_axes)
+    place, sight = np.asarray(scene.position) / axes, rays / axes
+    a = (sight**2).sum(axis=-1)
+    b = sight @ place
+    closest = np.maximum(-b, 0.0) / a  # the ray's parameter, m, where it is nearest to the centre
+    passing = place + closest[..., None] * sight
+    depth = 1 - np.sqrt((passing**2).sum(axis=-1))  # below the limb, in radii
+    hit = (depth > 0) & (b < 0)
+    reach = np.sqrt(np.maximum((1 - (1 - depth) ** 2) / a, 0.0))
+    point = np.where(hit[..., None], passing - reach[..., None] * sight, passing)
+    bright = np.where(hit, GROUND, 0.0)
+    if scene.haze:
+        above = np.maximum(-depth, 0.0) * axes.mean()
+        bright = np.where(b < 0, GROUND * np.exp(-above / scene.haze), bright)
+    if scene.lit == "lambert":
+        normal = point / axes
+        normal /= np.sqrt((normal**2).sum(axis=-1, keepdims=True))
+        bright *= np.maximum(normal @ np.asarray(scene.sun), 0.0)
+    if scene.texture is not None:
+        bright *= _painted(scene.texture, point)
+    from_sun = np.arccos(np.clip(rays @ np.asarray(scene.sun), -1, 1))
+    size = np.arctan(SUN_RADIUS / SUN_DISTANCE)
+    bright = np.where((from_sun < size) & ~hit, SUN, bright)
+    distance = np.maximum(closest, 1.0) * np.sqrt((rays**2).sum(axis=-1)) / axes.mean()
+    edge = (np.abs(depth) < near * distance) & (b < 0) | (np.abs(from_sun - size) < near)
+    return bright, edge
+
+
+def _painted(painting: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Brightness of the ground below points (…, 3) in units of the semi-axes."""
+    rows, columns = painting.shape
+    latitude = np.arctan2(point[..., 2], np.hypot(point[..., 0], point[..., 1]))
+    longitude = np.arctan2(point[..., 1], point[..., 0])
+    row = np.clip(((0.5 - latitude / np.pi) * rows).astype(int), 0, rows - 1)
+    column = ((longitude / (2 * np.pi) + 0.5) * columns).astype(int) % columns
+    return painting[row, column]
