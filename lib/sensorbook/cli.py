@@ -217,7 +217,9 @@ def _parser() -> argparse.ArgumentParser:
     report.add_argument(
         "paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording"
     )
-    report.add_argument("--out", default="reports", metavar="DIR", help="default: reports")
+    report.add_argument(
+        "--out", type=_folder, default="reports", metavar="DIR", help="default: reports"
+    )
     report.add_argument(
         "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
     )
@@ -241,9 +243,19 @@ def _parser() -> argparse.ArgumentParser:
         " the gyroscope where it can be",
         "sensorbook book data/ahrs-demo data/positions-demo data/rotation-demo --out reports",
     )
-    book.add_argument("paths", nargs="+", metavar="DEVICE", help="folder with a device.toml")
     book.add_argument(
-        "--out", default="reports", metavar="DIR", help="the book is DIR/book; default: reports"
+        "paths",
+        nargs="*",
+        metavar="DEVICE",
+        help="folder with a device.toml; chapters that no DEVICE feeds are not rendered but listed with"
+        " the reason, and pages of them removed; without a DEVICE those that need none are rendered",
+    )
+    book.add_argument(
+        "--out",
+        type=_folder,
+        default="reports",
+        metavar="DIR",
+        help="the book is DIR/book; default: reports",
     )
     book.add_argument(
         "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
@@ -348,6 +360,12 @@ def _columns(text: str) -> dict[str, str]:
     if bad or len(set(given)) < len(given):
         raise argparse.ArgumentTypeError(f"{text!r} is not x=…,y=…,z=… (temperature=…, time=…)")
     return found
+
+
+def _folder(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError("'' names no folder")
+    return text
 
 
 def _count(text: str) -> int:

@@ -13,6 +13,7 @@ from bs4 import BeautifulSoup
 from throwaway import FIGURE, LOAD, NASTY, Run, chapter, run, write_device, write_notebook
 
 from sensorbook import cli
+from sensorbook.reporting import execute
 from sensorbook.reporting.book import book
 from sensorbook.reporting.chapters import Chapter
 
@@ -227,6 +228,33 @@ def test_pages_serve_everyone_and_fit_a_telephone(bound, page, tmp_path):
             assert [v for v in seen["violations"] if v["impact"] in ("serious", "critical")] == []
 
 
+def test_what_no_page_shows_is_said_to_be_in_the_notebooks(bound, tmp_path, rows, table):
+    line = "Exercises, their solutions and longer derivations"
+    for row in rows:
+        page = BeautifulSoup(bound.text("book", f"{row.slug}.html"), "html.parser")
+        last = page.main.find_all("p")[-1].get_text() if line in page.main.get_text() else ""
+        path = f"{row.notebook.parent.name}/free.ipynb"
+        told = (
+            f"{line} of this chapter are not shown here: they are in {path}, which make lab opens."
+        )
+        assert last == (told if row.slug in ("free", "last") else ""), row.slug
+    contents = BeautifulSoup(bound.text("book", "index.html"), "html.parser")
+    assert contents.get_text().count(line) == 1
+    table(rows[0])
+    done = bind([write_device(tmp_path / "d", "dev", [("gyroscope", "thermal")])], tmp_path / "out")
+    assert line not in done.text("book", "index.html"), "no chapter has any"
+
+
+def test_a_device_report_says_nothing_of_them(tmp_path, folder, table):
+    notebook = write_notebook(
+        folder / "taught.ipynb", "# T", STATIC, "record({'noise': {}})", ("1 / 0", ["teaching"])
+    )
+    table(chapter("allan", notebook))
+    done = run([write_device(tmp_path / "d", "dev", [("gyroscope", "static")])], tmp_path / "out")
+    assert (done.code, done.stderr) == (0, "")
+    assert "make lab" not in done.text("dev", "gyroscope", "allan.html")
+
+
 def test_failing_and_unfed_chapters_are_told_and_lose_what_an_earlier_book_had(
     tmp_path, devices, notebooks, rows, table
 ):
@@ -244,21 +272,95 @@ def test_failing_and_unfed_chapters_are_told_and_lose_what_an_earlier_book_had(
     )
     fault = "the chapter stopped with ZeroDivisionError: division by zero (a fault in sensorbook; "
     told = sorted(done.stderr.splitlines())
-    assert len(told) == 3
+    assert len(told) == 2
     assert told[0].startswith(f"book/allan on one gyroscope: {fault}executed notebook: {out}/book/")
     assert told[1].startswith(f"book/free: {fault}executed notebook: {out}/book/free.ipynb")
-    assert told[2] == f"book/gyro: not rendered: {unfed}"
+    assert f"book/gyro: not rendered: {unfed}" in done.stdout.splitlines()
+    removed = [line for line in done.stdout.splitlines() if "removed" in line]
+    assert removed == [
+        f"{out}/book/{slug}.html: removed: it was of an earlier book"
+        for slug in ("allan", "free", "gyro")
+    ]
     kept = {f"book/{s}.{k}" for s in ("thermal", "last") for k in ("html", "json", "ipynb")}
     assert done.files() == {"book/index.html", "book/allan.ipynb", "book/free.ipynb", *kept}
     found = entries(done)
     assert [bool(e.select_one(".name a")) for e in found] == [True, False, False, False, True]
     assert "✗ failed" in said(found[1])
     assert "ZeroDivisionError" in said(found[1])
-    assert "✗ not rendered" in said(found[3])
+    assert "– not rendered" in said(found[3])
     assert unfed in said(found[3])
     assert_links_resolve(done)
     soup = BeautifulSoup(done.text("book", "thermal.html"), "html.parser")
     assert soup.find(rel="next")["href"] == "last.html", "it passes over what has no page"
+
+
+def test_without_a_device_the_chapters_that_need_none_are_the_book(tmp_path, rows, table):
+    table(*rows)
+    done = bind([], tmp_path)
+    assert (done.code, done.stderr) == (0, "")
+    files = {
+        f"book/{slug}.{kind}" for slug in ("free", "last") for kind in ("html", "json", "ipynb")
+    }
+    assert done.files() == {"book/index.html", *files}
+    lines = done.stdout.splitlines()
+    unfed = [line for line in lines if "not rendered" in line]
+    assert [line.split(":")[0] for line in unfed] == [
+        f"book/{slug}" for slug in ("thermal", "allan", "gyro", "refused")
+    ]
+    assert not [line for line in lines if "removed" in line]
+    kinds = [e.select_one(".soft").get_text() for e in entries(done)]
+    assert [kind == "– not rendered" for kind in kinds] == [True, True, False, True, True, False]
+    assert_links_resolve(done)
+
+
+@pytest.mark.parametrize("content", ["{", "[]", "{}", '{"nbformat": 4}', "\x00\xff"])
+def test_a_damaged_notebook_fails_its_chapter_alone(content, tmp_path, rows, table):
+    damaged = tmp_path / "damaged.ipynb"
+    damaged.write_text(content, encoding="latin-1")
+    table(without_device("damaged", damaged), rows[2])
+    done = bind([], tmp_path / "out")
+    assert done.code == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("book/damaged: the chapter stopped with ")
+    assert line.endswith("(a fault in sensorbook)")
+    assert (done.out / "book" / "free.html").is_file()
+    assert ["✗ failed" in said(entry) for entry in entries(done)] == [True, False]
+    assert_links_resolve(done)
+
+
+def test_a_book_that_is_stopped_has_contents_of_what_stands(
+    tmp_path, devices, rows, table, monkeypatch
+):
+    thermal, _, free, _, refused, last = rows
+    table(thermal, free, refused, last)
+    reached = []
+
+    def stops(notebook, *rest):
+        if len(reached) == 2:
+            raise KeyboardInterrupt
+        reached.append(notebook)
+        return executes(notebook, *rest)
+
+    executes = execute.execute
+    monkeypatch.setattr(execute, "execute", stops)
+    with pytest.raises(KeyboardInterrupt):
+        bind(devices, tmp_path, jobs=1)
+    assert (tmp_path / "book" / "refused.html").is_file()
+    done = Run(tmp_path, 130, "", "")
+    pages = [e.select_one(".name a") for e in entries(done)]
+    assert [a and a["href"] for a in pages] == ["thermal.html", None, "refused.html", None]
+    assert "– not rendered the run was stopped before" in said(entries(done)[1])
+    assert_links_resolve(done)
+    earlier = done.files()
+    reached[:] = [None, None]
+    other = write_device(tmp_path / "d", "other", [("gyroscope", "thermal")], "Another")
+    with pytest.raises(KeyboardInterrupt):
+        bind([other], tmp_path, jobs=1)
+    assert done.files() - {"d/data.csv", "d/device.toml"} == {
+        name for name in earlier if "refused" not in name
+    }
+    assert f"On the gyroscope of {NASTY}" in said(entries(done)[0]), "as its earlier page says"
+    assert_links_resolve(done)
 
 
 def test_a_fault_in_a_recording_names_the_device(tmp_path, rows, table):
@@ -336,7 +438,31 @@ def test_a_book_folder_that_leads_elsewhere_or_holds_recordings_is_refused(tmp_p
     assert sorted(p.name for p in device.iterdir()) == ["data.csv", "device.toml"]
 
 
-@pytest.mark.parametrize("arguments", [(), ("x", "--jobs", "0"), ("x", "--only", "thermal")])
+@pytest.mark.parametrize("command", ["book", "report"])
+@pytest.mark.parametrize("place", [".", "reports", "static.csv", "link/reports"])
+@pytest.mark.parametrize("named", ["", "device.toml"])
+def test_a_folder_among_the_recordings_is_refused(command, place, named, tmp_path, capsys):
+    device = write_device(tmp_path / "d", "dev", [("gyroscope", "static")])
+    os.symlink(device, tmp_path / "link")
+    out = tmp_path / place if place.startswith("link") else device / place
+    assert cli.main([command, str(device / named), "--out", str(out)]) == 1
+    shown = capsys.readouterr()
+    assert shown.err == (
+        f"--out {out}: {device} holds a device's recordings: choose a folder outside of it\n"
+    )
+    assert shown.out == ""
+    assert sorted(p.name for p in device.iterdir()) == ["data.csv", "device.toml"]
+
+
+@pytest.mark.parametrize("command", ["book", "report"])
+def test_an_out_without_a_name_is_refused(command, tmp_path, devices, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([command, str(devices[0]), "--out", ""]) == 2
+    assert capsys.readouterr().err.endswith("error: argument --out: '' names no folder\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("arguments", [("--jobs", "0"), ("x", "--only", "thermal")])
 def test_wrong_usage_is_2(arguments, capsys):
     assert cli.main(["book", *arguments]) == 2
     assert "usage: sensorbook" in capsys.readouterr().err
@@ -347,6 +473,8 @@ def test_the_command_says_how_and_does_it(tmp_path, devices, rows, table, capsys
     shown = capsys.readouterr().out
     assert "example:\n  sensorbook book " in shown
     assert "gyroscope" in shown
+    assert "[DEVICE ...]" in shown
+    assert "without a DEVICE" in shown
     table(rows[2])
     assert cli.main(["book", str(devices[0]), "--out", str(tmp_path), "--jobs", "1"]) == 0
     assert "[1/1] book/free: complete" in capsys.readouterr().out

@@ -101,6 +101,36 @@ def test_functions_are_set_apart_from_their_argument():
     assert "mspace" not in mathml(r"\sigma^2 = \ln^2(x)", "inline")
 
 
+@pytest.mark.parametrize(
+    ("latex", "shown"),
+    [
+        (r"\mathbf A", "\N{MATHEMATICAL BOLD CAPITAL A}"),
+        (r"\mathbf{A}", "\N{MATHEMATICAL BOLD CAPITAL A}"),
+        (r"\mathbf{Az09}", "𝐀𝐳𝟎𝟗"),
+        (r"\mathbf x_{\mathbf n}", "𝐱𝐧"),
+        (r"\mathbf\Omega\mathbf\nabla", "𝛀𝛁"),
+        (r"\boldsymbol\omega", "\N{MATHEMATICAL BOLD ITALIC SMALL OMEGA}"),
+        (r"\boldsymbol{\varphi\epsilon}", "𝝋𝝐"),
+        (r"\boldsymbol{x1}", "𝒙𝟏"),  # there are no bold italic digits
+        (r"\mathbb R\mathbb{R}\mathbb{Xk1}", "ℝℝ𝕏𝕜𝟙"),
+        (r"\mathcal L\mathcal{A}", "ℒ𝒜"),
+        (r"\mathfrak C\mathfrak g", "ℭ𝔤"),
+        (r"\mathsf T", "𝖳"),
+        (r"\mathtt x", "𝚡"),
+        (r"\mathit{gh}", "𝑔ℎ"),
+        (r"\mathbf{a + ш}", "𝐚+ш"),  # what has no bold character stays
+    ],
+)
+def test_alphabets_are_characters_as_browsers_know_no_other(latex, shown):
+    made = mathml(latex, "inline")
+    assert body(made).get_text() == shown
+    assert "mathvariant" not in made
+
+
+def test_an_upright_letter_stays_upright():
+    assert mathml(r"\mathrm d t", "inline").count('<mi mathvariant="normal">d</mi>') == 1
+
+
 def test_mathematics_that_cannot_be_converted_is_shown_as_written():
     assert mathml(r"\left( x<", "inline") == r"<code>\left( x&lt;</code>"
 

@@ -22,6 +22,7 @@ from sensorbook.reporting.work import (
     Said,
     Source,
     Task,
+    lies_in_device,
     open_source,
     same_ids,
     side_by_side,
@@ -42,10 +43,14 @@ def book(
     """Renders the book into `out`/book; returns the exit code: 0 done, 1 that something failed.
 
     A chapter is shown on the first device that has recordings for it, there on the gyroscope or else
-    on the first of the chapter's sensors. A device with a problem has nothing rendered: an earlier book
-    stands, rather than one without the chapters that the device would have fed.
+    on the first of the chapter's sensors. One that no device feeds is listed with the reason, and loses
+    what an earlier book had of it. A device with a problem has nothing rendered: an earlier book stands,
+    rather than one without the chapters that the device would have fed.
     """
     said = Said(stdout or sys.stdout, stderr or sys.stderr, debug)
+    paths = list(paths)
+    if lies_in_device(out, paths, said):
+        return 1
     opened = [open_source(Path(path), said) for path in paths]
     devices = [device for device in opened if device is not None]
     if same_ids(devices, said) or said.problems:
@@ -61,23 +66,49 @@ def book(
 
 
 def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said) -> None:
-    """Renders every chapter, then what hangs on which of them have a page."""
+    """Renders every chapter, then what hangs on which of them have a page, also when stopped."""
     folder = tree.folder(FOLDER)
     tasks, unfed = [], {}
+    earlier = _pages(folder)
     for number, chapter in enumerate(chapters.CHAPTERS, 1):
-        place = {"number": number, "previous": None, "next": None}
+        place = {
+            "number": number,
+            "previous": None,
+            "next": None,
+            "teaching": _teaching(chapter.notebook),
+        }
         source, sensor = _shown_on(chapter, devices)
         if chapter.needs_device and source is None:
             unfed[chapter.slug] = _why_unfed(chapter)
-            said.problem(f"{FOLDER}/{chapter.slug}: not rendered: {unfed[chapter.slug]}")
+            said.line(f"{FOLDER}/{chapter.slug}: not rendered: {unfed[chapter.slug]}")
             for kind in KINDS:
                 (folder / f"{chapter.slug}.{kind}").unlink(missing_ok=True)
             continue
         name = f"{FOLDER}/{chapter.slug}" + (f" on {source.id} {sensor}" if source else "")
         tasks.append(Task(chapter, source, sensor, (), folder, out / FOLDER, name, place))
     said.total = len(tasks)
-    side_by_side((partial(work_off, line, tree, said) for line in _lines(tasks)), jobs)
-    turned = [task for task in tasks if (folder / f"{task.chapter.slug}.html").is_file()]
+    try:
+        side_by_side((partial(work_off, line, tree, said) for line in _lines(tasks)), jobs)
+    finally:
+        for name in sorted(earlier - _pages(folder)):
+            said.line(f"{out / FOLDER / name}: removed: it was of an earlier book")
+        _bind(tasks, unfed, folder, tree)
+    said.line(f"{out / FOLDER / 'index.html'}")
+
+
+def _pages(folder: Path) -> set[str]:
+    """Names of the chapters' pages that are there."""
+    names = {f"{chapter.slug}.html" for chapter in chapters.CHAPTERS}
+    return {name for name in names if (folder / name).is_file()}
+
+
+def _bind(tasks: list[Task], unfed: dict[str, str], folder: Path, tree: Tree) -> None:
+    """Links the pages that are there, in order, and writes the contents and what links those."""
+    turned = [
+        task
+        for task in tasks
+        if all((folder / f"{task.chapter.slug}.{kind}").is_file() for kind in KINDS)
+    ]
     for at, task in enumerate(turned):
         _turn(task, turned[at - 1] if at else None, turned[at + 1 :], tree)
     shown = {task.chapter.slug: task for task in tasks}
@@ -91,6 +122,7 @@ def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said)
         render.page(
             "book",
             chapters=cards,
+            teaching=any(_teaching(chapter.notebook) for chapter in chapters.CHAPTERS),
             software=execute.software(),
             created=execute.now(),
             group=devices_page.is_file(),
@@ -98,7 +130,6 @@ def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said)
     )
     if devices_page.is_file():  # which links the book where there is one
         tree.write(devices_page, group.group_page(tree.root))
-    said.line(f"{out / FOLDER / 'index.html'}")
 
 
 def _shown_on(chapter: Chapter, devices: list[Source]) -> tuple[Source | None, str | None]:
@@ -150,11 +181,16 @@ def _card(
     number: int, chapter: Chapter, task: Task | None, unfed: str, folder: Path
 ) -> dict[str, Any]:
     """A chapter's entry in the table of contents, from its files."""
-    page, _, notebook = (folder / f"{chapter.slug}.{kind}" for kind in KINDS)
-    status, reason = "not rendered", unfed
-    if task is not None:
+    page, record, notebook = (folder / f"{chapter.slug}.{kind}" for kind in KINDS)
+    status, reason = "not rendered", unfed or "the run was stopped before"
+    sensor = task and task.sensor
+    device = task and task.source and task.source.about["name"]
+    if notebook.is_file():
         about = nbformat.read(notebook, as_version=4).metadata["sensorbook"]
         status, reason = about["status"], about["reason"]
+    if record.is_file():  # of an earlier book, it may be of another device
+        told = json.loads(record.read_text(encoding="utf-8"))
+        sensor, device = told["sensor"], told["device"] and told["device"]["name"]
     return {
         "number": number,
         "title": chapter.title,
@@ -163,17 +199,28 @@ def _card(
         "notebook": notebook.name if notebook.is_file() else "",
         "status": status,
         "reason": reason or "",
-        "sensor": task and task.sensor,
-        "device": task and task.source and task.source.about["name"],
+        "sensor": sensor,
+        "device": device,
         "thumbnail": index.thumbnail(notebook) if page.is_file() else None,
     }
 
 
 def _question(notebook: Path) -> str:
     """The bold line of a notebook's first cell; "" where there is none."""
-    try:
-        first = nbformat.read(notebook, as_version=4).cells[0].source
-    except (OSError, ValueError, IndexError):
-        return ""
+    first = "".join(cell.source for cell in _cells(notebook)[:1])
     found = re.search(r"\*\*(.+?)\*\*", first, flags=re.DOTALL)
     return " ".join(found[1].split()) if found else ""
+
+
+def _teaching(notebook: Path) -> str:
+    """Where a notebook's teaching cells, which no page shows, are to be found; "" where it has none."""
+    taught = any("teaching" in cell.metadata.get("tags", ()) for cell in _cells(notebook))
+    return f"{notebook.parent.name}/{notebook.name}" if taught else ""
+
+
+def _cells(notebook: Path) -> list[nbformat.NotebookNode]:
+    """A notebook's cells; none where it cannot be read, which its execution tells."""
+    try:
+        return nbformat.read(notebook, as_version=4).cells
+    except Exception:  # nbformat tells damage in many ways
+        return []

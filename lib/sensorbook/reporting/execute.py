@@ -98,10 +98,12 @@ def execute(
 def fault(notebook: Path, error: Exception) -> Outcome:
     """The outcome of a chapter that could not be executed or rendered at all."""
     reason = f"the chapter stopped with {_named(type(error).__name__, str(error))} (a fault in sensorbook)"
-    made = nbformat.v4.new_notebook()
-    if notebook.is_file():
+    about = {"status": "failed", "reason": reason}
+    try:
         made = nbformat.read(notebook, as_version=4)
-    made.metadata["sensorbook"] = {"status": "failed", "reason": reason}
+        made.metadata["sensorbook"] = about
+    except Exception:  # missing or damaged, which nbformat tells in many ways
+        made = nbformat.v4.new_notebook(metadata={"sensorbook": about})
     return Outcome("failed", reason, made)
 
 

@@ -7,9 +7,11 @@ Markdown cells are ours and may hold HTML.
 
 from __future__ import annotations
 
+import contextlib
 import html
 import re
 import threading
+import unicodedata
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -46,6 +48,23 @@ MATH_ATTRIBUTES = {
     "maxsize", "minsize", "movablelimits", "rowlines", "rowspacing", "rspace", "scriptlevel",
     "separator", "stretchy", "symmetric", "voffset", "width",
 }  # fmt: skip
+# `mathvariant` → what the names of Unicode's mathematical alphanumerics begin with, the first that has
+# the character: there are no bold italic digits, and some letters stood elsewhere before.
+ALPHABETS = {
+    "bold": ("MATHEMATICAL BOLD",),
+    "italic": ("MATHEMATICAL ITALIC",),
+    "bold-italic": ("MATHEMATICAL BOLD ITALIC", "MATHEMATICAL BOLD"),
+    "double-struck": ("MATHEMATICAL DOUBLE-STRUCK", "DOUBLE-STRUCK"),
+    "script": ("MATHEMATICAL SCRIPT", "SCRIPT"),
+    "bold-script": ("MATHEMATICAL BOLD SCRIPT",),
+    "fraktur": ("MATHEMATICAL FRAKTUR", "BLACK-LETTER"),
+    "bold-fraktur": ("MATHEMATICAL BOLD FRAKTUR",),
+    "sans-serif": ("MATHEMATICAL SANS-SERIF",),
+    "bold-sans-serif": ("MATHEMATICAL SANS-SERIF BOLD",),
+    "sans-serif-italic": ("MATHEMATICAL SANS-SERIF ITALIC",),
+    "sans-serif-bold-italic": ("MATHEMATICAL SANS-SERIF BOLD ITALIC",),
+    "monospace": ("MATHEMATICAL MONOSPACE",),
+}
 
 
 @cache
@@ -68,8 +87,8 @@ def chapter_page(
 ) -> str:
     """The page of an executed notebook, up to where it refused; `record` is the chapter's.
 
-    In the book, `book` holds the chapter's `number` and its neighbours `previous` and `next`: each a
-    (slug, title) with a page, or None.
+    In the book, `book` holds the chapter's `number`, its neighbours `previous` and `next`, each a (slug,
+    title) with a page, or None, and `teaching`: the notebook with its teaching cells, or "".
     """
     exporter = _exporter()
     exporter.headings = []
@@ -181,12 +200,28 @@ def mathml(latex: str, display: str) -> str:
             element.set("mathvariant", "normal")  # an upright letter: a single one is set italic
         element.text = html.unescape(element.text or "")
         element.tail = html.unescape(element.tail or "")
+        if (variant := element.get("mathvariant")) in ALPHABETS:
+            # Browsers know no variant but normal.
+            element.text = "".join(_styled(character, variant) for character in element.text)
+            del element.attrib["mathvariant"]
         for name in set(element.attrib) - MATH_ATTRIBUTES:
             del element.attrib[name]
     for element in tree.iter():
         if element.tag in ("math", "mrow", "mtd", "mstyle"):
             _space_functions(element)
     return ElementTree.tostring(tree, encoding="unicode", short_empty_elements=False)
+
+
+@cache
+def _styled(character: str, variant: str) -> str:
+    """A letter or digit in an alphabet of mathematics, as it is where that has none."""
+    if (character, variant) == ("h", "italic"):
+        return "\N{PLANCK CONSTANT}"
+    name = re.sub("LATIN |GREEK |LETTER |LUNATE ", "", unicodedata.name(character, ""))
+    for alphabet in ALPHABETS[variant]:
+        with contextlib.suppress(KeyError):
+            return unicodedata.lookup(f"{alphabet} {name}")
+    return character
 
 
 def _space_functions(element: ElementTree.Element) -> None:

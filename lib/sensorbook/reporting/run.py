@@ -18,6 +18,7 @@ from sensorbook.reporting.work import (
     Said,
     Source,
     Task,
+    lies_in_device,
     open_source,
     same_ids,
     side_by_side,
@@ -46,6 +47,9 @@ def report(
         Path(junit_file).is_dir() or not Path(junit_file).absolute().parent.is_dir()
     ):
         said.problem(f"{junit_file}: cannot be written — name a file in a folder that is there")
+        return 1
+    paths = list(paths)
+    if lies_in_device(out, paths, said):
         return 1
     devices: list[Source] = []
     unread: list[str] = []
