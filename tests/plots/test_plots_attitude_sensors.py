@@ -3,6 +3,8 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from sensorbook.attitude.sensors import budget, conical, horizon, magnetic, star, static, sun
 from sensorbook.plots import attitude_sensors as plots
@@ -57,6 +59,33 @@ def test_slit():
     assert np.abs(teeth).max() == pytest.approx(3600 * np.degrees(7e-4) / 2, rel=0.01)
 
 
+def test_slit_s_names_stand_clear_of_the_ray_and_no_ray_comes_from_behind():
+    sensor = sun.SlitSensor(10e-3, 7e-6, 2048)
+    for turn in (20, -14, 35):
+        axes = sun_sensors.plot_slit(sensor, np.radians(turn))
+        axes.figure.canvas.draw()
+        angle = next(t for t in axes.texts if t.get_text() == f"α = {turn}°")
+        box = angle.get_window_extent().transformed(axes.transData.inverted())
+        assert (box.x0 > 0) if turn < 0 else (box.x1 < 0), "the side without the ray"
+        pixels = next(t for t in axes.texts if "pixels" in t.get_text())
+        box = pixels.get_window_extent().transformed(axes.transData.inverted())
+        assert box.y1 < -0.8, "below the row, where neither the ray nor the dotted line goes"
+    axes = sun_sensors.plot_slit(sensor, np.radians(95))
+    assert "the Sun is behind" in [t.get_text() for t in axes.texts]
+    assert len(axes.get_lines()) == 1, "the dotted line alone"
+    assert sun_sensors.plot_cell(np.radians(95)).get_legend() is None, "a dark cell fits any angle"
+
+
+@pytest.mark.parametrize("degrees", [5, 45, 85])
+def test_four_cells_do_not_meet(degrees):
+    axes = sun_sensors.plot_four_cells(np.radians(degrees), np.array([0.3, -0.2, 0.93]))
+    corners = [np.array(c._faces[0]) for c in axes.collections if isinstance(c, Poly3DCollection)]
+    assert len(corners) == 4
+    # The first cell lies right of the lines |y| = x, which part it from its neighbours.
+    for cell, axis, sign in zip(corners, (0, 0, 1, 1), (1, -1, 1, -1), strict=True):
+        assert (sign * cell[:, axis] > np.abs(cell[:, 1 - axis])).all()
+
+
 @pytest.mark.parametrize("draw", [
     lambda: sun_sensors.plot_four_cells(TILT, np.array([0.3, -0.2, 0.93])),
     lambda: sun_sensors.plot_sun_vector(0.5, -0.3),
@@ -81,6 +110,49 @@ def test_scans_draw_the_limb_the_path_and_the_crossings():
     assert not [a for a in axes.get_lines() if a.get_marker() == "o"]
 
 
+def shaded(axes, direction):
+    """Whether the last patch over a direction's place on the map is the Earth's."""
+    place = axes.transData.transform(np.degrees(plots._map(direction)))
+    over = [p for p in axes.patches if p.contains_point(place)]
+    return bool(over) and over[-1].get_facecolor() == to_rgba(plots.EARTH)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(6, 4), (120, 0), (180, 4), (-175, 10), (0, 118)])
+def test_the_disc_is_shaded_on_the_nadir_s_side(roll, pitch):
+    body = horizon.tilted(*np.radians([roll, pitch]))
+    nadir, rho = body[:, 2], float(conical.angular_radius(HEIGHT))
+    axes = plots.plot_scans({"Earth": nadir}, HEIGHT, CONE, {1: conical.scan(body, HEIGHT, CONE)})
+    axes.figure.canvas.draw()
+    some = np.random.default_rng(4).normal(size=(200, 3))
+    some /= np.linalg.norm(some, axis=1, keepdims=True)
+    away = np.arccos(some @ nadir)
+    for direction in some[(np.abs(away - rho) > 0.05) & (some[:, 2] > -0.99)]:
+        assert shaded(axes, direction) == (direction @ nadir > np.cos(rho))
+
+
+def test_a_scan_through_minus_z_is_broken_there_and_places_that_agree_share_a_label():
+    cone = np.pi / 2
+    both = {side: conical.scan(BODY, HEIGHT, cone, side) for side in (1, -1)}
+    axes = plots.plot_scans({"Earth": BODY[:, 2]}, HEIGHT, cone, both)
+    assert [t.get_text() for t in axes.texts if t.get_text() != "z"] == ["1, 3", "2, 4"]
+    for name in ("scan about y", "scan about −y"):
+        steps = np.linalg.norm(np.diff(line(axes, name), axis=0), axis=1)
+        assert np.nanmax(steps) < 2
+    assert np.hypot(*plots._map(np.array([0.0, 0.0, -1.0]))) == pytest.approx(np.pi)
+
+
+@pytest.mark.parametrize("height", [100e3, 700e3, 35786e3])
+def test_section_keeps_its_names_inside(height):
+    axes = plots.plot_section(height, conical.RADIUS, conical.EQUIVALENT_HEIGHT)
+    axes.figure.canvas.draw()
+    frame = axes.get_window_extent()
+    for text in axes.texts:
+        box = text.get_window_extent()
+        assert frame.x0 < box.x0, text.get_text()
+        assert box.x1 < frame.x1, text.get_text()
+        assert box.y1 < frame.y1, text.get_text()
+
+
 def test_section_and_signal():
     axes = plots.plot_section(HEIGHT, conical.RADIUS, conical.EQUIVALENT_HEIGHT)
     limb = [a.get_xydata()[0] for a in axes.get_lines() if a.get_marker() == "o"]
@@ -103,6 +175,9 @@ def test_field_stars_and_gyroscope():
     axes = plots.plot_field(orbit)
     assert line(axes[0], "north")[:, 1] == pytest.approx([10, 0, 0])
     assert axes[0].get_ylabel() == "field [µT]"
+    axes[0].figure.canvas.draw()
+    for a in axes:
+        assert not a.get_legend().get_window_extent().overlaps(a.get_window_extent())
     camera = star.StarSensor(7000, 1024, 1024)
     places = np.array([[100.0, 200], [300, 50]])
     assert line(plots.plot_stars(camera, places, places + 1, 10), "star") == pytest.approx(places)

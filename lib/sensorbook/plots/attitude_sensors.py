@@ -39,8 +39,9 @@ def plot_scans(
 ) -> Axes:
     """The sky of the body: the Earth about its nadirs (3,), scans by side (1, −1), their crossings.
 
-    The map keeps angles from the body's z axis, which is in the middle; y is to the right and x up. The
-    first of `nadirs` is drawn as a disc, the others as outlines (C 3.8, 3.11, 3.12).
+    The map keeps angles from the body's z axis, which is in the middle; y is to the right and x up, and
+    the rim is −z. The first of `nadirs` is drawn as a disc, the others as outlines (C 3.8, 3.11, 3.12);
+    a disc that holds −z is what lies outside its outline.
     """
     axes = new_axes(axes, 4.6)
     rho = float(angular_radius(height))
@@ -48,21 +49,32 @@ def plot_scans(
         outline = np.degrees(_map(_circle(nadir, rho)))
         colour = BLUE if k == 0 else RED
         if k == 0:
-            axes.add_patch(Polygon(outline, fc=EARTH, ec="none"))
-        axes.plot(*outline.T, color=colour, ls="-" if k == 0 else "--", lw=1.5, label=name)
+            inside_out = -nadir[2] > np.cos(rho)
+            if inside_out:
+                axes.add_patch(Circle((0, 0), 180, fc=EARTH, ec="none"))
+            axes.add_patch(Polygon(outline, fc="white" if inside_out else EARTH, ec="none"))
+        path = _broken(outline)
+        axes.plot(*path.T, color=colour, ls="-" if k == 0 else "--", lw=1.5, label=name)
         axes.plot(*np.degrees(_map(nadir)), "+", color=colour, ms=9)
-    number = 1
+    number, marks = 1, []
     for side, scan in scans.items():
         around = np.linspace(-np.pi, np.pi, 361)
         name = "scan" if len(scans) == 1 else f"scan about {'y' if side == 1 else '−y'}"
-        path = np.degrees(_map(scan_vectors(cone, around, side)))
+        path = _broken(np.degrees(_map(scan_vectors(cone, around, side))))
         axes.plot(*path.T, color=GREY, ls="-" if side == 1 else "-.", lw=1, label=name)
         for angle in (float(scan.enter), float(scan.leave)):
             if np.isfinite(angle):
                 place = np.degrees(_map(scan_vectors(cone, angle, side)))
                 axes.plot(*place, "o", color=SECOND, mec="black", ms=8, zorder=4)
-                axes.annotate(str(number), place, (7, 5), textcoords="offset points", weight="bold")
+                near = [m for m in marks if np.linalg.norm(m[0] - place) < 8]
+                if near:
+                    near[0][1].append(number)
+                else:
+                    marks.append((place, [number]))
             number += 1
+    for place, numbers in marks:
+        text = ", ".join(map(str, numbers))
+        axes.annotate(text, place, (7, 5), textcoords="offset points", weight="bold")
     axes.plot(0, 0, ".", color="black")
     axes.annotate("z", (0, 0), (-12, 5), textcoords="offset points")
     axes.set_aspect("equal")
@@ -85,18 +97,19 @@ def plot_section(height: float, radius: float, equivalent: float, axes: Axes | N
         axes.annotate(name, limb, (8 * sign - 3, 4), textcoords="offset points", weight="bold")
     axes.plot([0, 0], [0, far], ":", color=GREY)
     axes.plot(0, far, "s", color="black", ms=6)
-    axes.annotate("satellite", (0, far), (8, 5), textcoords="offset points")
-    opening = 0.6 * min(along, infrared)
+    axes.annotate("satellite", (0, far), (0, 8), textcoords="offset points", ha="center")
+    half = max(1.35 * infrared, 0.45 * far)  # room for the names, however far the satellite is
+    narrow = rho < np.radians(25)
+    opening = 0.6 * (along if narrow else min(along, infrared))
     middle = 270 + np.degrees(rho)
     axes.add_patch(Arc((0, far), opening, opening, theta1=270, theta2=middle, color=RED))
-    axes.annotate(
-        f"ρ = {np.degrees(rho):.1f}°",
-        (0.04 * infrared, far - 0.5 * opening - 0.1 * infrared),
-        color=RED,
-    )
+    place = (0.04 * infrared, far - 0.5 * opening - 0.1 * infrared)
+    if narrow:  # no room between the axis and the line to the limb
+        place = (0.5 * opening * np.tan(rho) + 0.06 * half, far - 0.5 * opening)
+    axes.annotate(f"ρ = {np.degrees(rho):.1f}°", place, color=RED)
     axes.set_aspect("equal")
-    axes.set_xlim(-1.35 * infrared, 1.35 * infrared)
-    axes.set_ylim(-0.1 * infrared, far + 0.18 * infrared)
+    axes.set_xlim(-half, half)
+    axes.set_ylim(-0.1 * infrared, far + max(0.18 * infrared, 0.12 * far))
     axes.set_xlabel("across [thousand km]")
     axes.set_ylabel("from the Earth's centre [thousand km]")
     return axes
@@ -162,7 +175,7 @@ def plot_field(orbit: OrbitField, axes: Sequence[Axes] | None = None) -> Sequenc
         a.set_title(title, fontsize=10)
         a.set_xlabel("time from the node [min]")
         grid(a)
-        a.legend(fontsize=7, ncols=2)
+        a.legend(fontsize=7, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.18))
     axes[0].set_ylabel("field [µT]")
     return axes
 
@@ -269,8 +282,18 @@ def _circle(centre: np.ndarray, radius: float) -> np.ndarray:
 
 
 def _map(direction: np.ndarray) -> np.ndarray:
-    """Directions (…, 3) on a map (…, 2), rad, that keeps angle and azimuth about z; y to the right, x up."""
+    """Directions (…, 3) on a map (…, 2), rad, that keeps angle and azimuth about z; y to the right, x up.
+
+    −z, which is the whole rim, is put at its top.
+    """
     across = np.hypot(direction[..., 0], direction[..., 1])
     angle = np.arctan2(across, direction[..., 2])
     scale = angle / np.where(across > 0, across, 1.0)
-    return scale[..., None] * np.stack([direction[..., 1], direction[..., 0]], axis=-1)
+    x = np.where((across == 0) & (direction[..., 2] < 0), 1.0, direction[..., 0])
+    return scale[..., None] * np.stack([direction[..., 1], x], axis=-1)
+
+
+def _broken(path: np.ndarray) -> np.ndarray:
+    """A path (N, 2) on the map, degrees, with a gap where it passes −z and goes on at the other side."""
+    jumps = np.flatnonzero(np.linalg.norm(np.diff(path, axis=0), axis=1) > 60) + 1
+    return np.insert(path, jumps, np.nan, axis=0)

@@ -52,8 +52,8 @@ def plot_cell_geometry(angle: float, tilt: float, axes: Sequence[Axes] | None = 
         a.plot(radius * np.sin(turn), radius * np.cos(turn), color=RED, lw=1)
         a.text(0.68 * np.sin(angle / 2), 0.68 * np.cos(angle / 2), "θ", color=RED, ha="center")
         a.set_aspect("equal")
-        a.set_xlim(-1.5, 1.5)
-        a.set_ylim(-0.5, 1.9)
+        a.set_xlim(-max(1.5, 1.9 * abs(sun[0])), max(1.5, 1.9 * abs(sun[0])))
+        a.set_ylim(min(-0.5, 1.9 * sun[1]), 1.9)
         a.set_axis_off()
     axes[0].set_title("one cell")
     axes[1].set_title(f"a pair, tilted by ±{np.degrees(tilt):.0f}°")
@@ -71,9 +71,10 @@ def plot_cell(angle: float, axes: Axes | None = None) -> Axes:
     axes.plot(np.degrees(around), _currents(around, np.array([[0.0, 0.0, 1.0]]))[:, 0], color=BLUE)
     current = max(np.cos(angle), 0.0)
     axes.axhline(current, color=GREY, lw=0.8, ls=":")
-    both = np.degrees([-angle, angle])
-    axes.plot(both, [current, current], "o", color=RED, label="angles that fit one reading")
-    axes.legend(fontsize=8)
+    if current > 0:
+        both = np.degrees([-angle, angle])
+        axes.plot(both, [current, current], "o", color=RED, label="angles that fit one reading")
+        axes.legend(fontsize=8)
     return labelled(
         axes, "angle of the Sun from the normal [°]", "current, share of the full one [1]", 45
     )
@@ -97,8 +98,10 @@ def plot_pair(tilt: float, axes: Axes | None = None) -> Axes:
 
 def plot_four_cells(tilt: float, sun: np.ndarray, axes: Axes | None = None) -> Axes:
     """Four cells on a pyramid, their normals, and the Sun's direction (3,) (C 3.5)."""
-    axes = _space(axes)
-    centres = 0.62 * four_normals(tilt) * [1, 1, 0]
+    axes = _space(axes, 4.8, 3.9)
+    # Far enough out that the corners of neighbours stay apart, at any tilt.
+    out = 0.24 * (1 + np.cos(tilt)) + 0.05
+    centres = out * four_normals(tilt) * [1, 1, 0] / np.sin(tilt)
     for k, (normal, centre) in enumerate(zip(four_normals(tilt), centres, strict=True)):
         side = np.cross([0, 0, 1.0], normal) / np.sin(tilt)
         up = np.cross(normal, side)
@@ -108,10 +111,11 @@ def plot_four_cells(tilt: float, sun: np.ndarray, axes: Axes | None = None) -> A
         axes.add_collection3d(Poly3DCollection([corners], facecolors=[colour], edgecolors=[GREY]))
         axes.quiver(*centre, *(0.5 * normal), color=GREY, lw=1, arrow_length_ratio=0.15)
         axes.text(*(centre + 0.62 * normal), f"n{'₁₂₃₄'[k]}", ha="center")
-    axes.quiver(0, 0, 0, *(1.25 * sun), color=RED, lw=2, arrow_length_ratio=0.08)
-    axes.text(*(1.35 * sun), "Sun", color=RED)
+    length = min(1.05, 0.85 / np.abs(sun[:2]).max()) if sun[:2].any() else 1.05  # stays inside
+    axes.quiver(0, 0, 0, *(length * sun), color=RED, lw=2, arrow_length_ratio=0.08)
+    axes.text(*(1.05 * length * sun), "Sun", color=RED)
     _triad(axes, 0.9)
-    _cube(axes, [-0.9, 0.9], [-0.9, 0.9], [-0.3, 1.3], zoom=1.35)
+    _cube(axes, [-0.9, 0.9], [-0.9, 0.9], [min(-0.35, 1.2 * sun[2]), 1.0], zoom=1.5)
     return axes
 
 
@@ -125,7 +129,7 @@ def plot_slit(sensor: SlitSensor, angle: float, axes: Axes | None = None) -> Axe
     shown = 32  # drawn coarser than they are
     for k in range(shown):
         edge = -half + 2 * half * k / shown
-        lit = edge <= height * np.tan(angle) < edge + 2 * half / shown
+        lit = np.cos(angle) > 0 and edge <= height * np.tan(angle) < edge + 2 * half / shown
         colour = SECOND if lit else "white"
         axes.add_patch(
             Rectangle(
@@ -133,29 +137,33 @@ def plot_slit(sensor: SlitSensor, angle: float, axes: Axes | None = None) -> Axe
             )
         )
     reach = 0.45 * height
-    axes.plot(
-        [-reach * np.tan(angle), height * np.tan(angle)], [height + reach, 0], color=SECOND, lw=2
-    )
+    turn, away = (
+        np.degrees(angle),
+        -1 if angle > 0 else 1,
+    )  # the name stands on the side without the ray
+    if np.cos(angle) > 0:
+        ray = [-reach * np.tan(angle), height * np.tan(angle)]
+        axes.plot(ray, [height + reach, 0], color=SECOND, lw=2)
+        size = 0.9 * height
+        arc = Arc(
+            (0, height), size, size, angle=270, theta1=min(0, turn), theta2=max(0, turn), color=RED
+        )
+        axes.add_patch(arc)
+        axes.text(
+            0.06 * half * away, 0.6 * height, f"α = {turn:.0f}°", color=RED,
+            ha="right" if away < 0 else "left", va="center",
+        )  # fmt: skip
+    else:
+        axes.text(
+            0, 1.25 * height, "the Sun is behind", color=RED, ha="center", backgroundcolor="white"
+        )
     axes.plot([0, 0], [0, height + reach], ":", color=GREY, lw=1)
-    size = 0.9 * height
-    turn = np.degrees(angle)
-    arc = Arc(
-        (0, height), size, size, angle=270, theta1=min(0, turn), theta2=max(0, turn), color=RED
-    )
-    axes.add_patch(arc)
-    middle = angle / 2
-    axes.annotate(
-        f"α = {turn:.0f}°",
-        (0.45 * height * np.sin(middle), height - 0.45 * height * np.cos(middle)),
-        (8, -14),
-        textcoords="offset points",
-        color=RED,
-    )
-    axes.text(-half, 1.07 * height, "slit", color=GREY)
-    axes.text(-half, 0.03 * height, f"{sensor.pixels} pixels (drawn as {shown})", color=GREY)
+    axes.text(half, 1.07 * height, "slit", color=GREY, ha="right")
+    pixels = f"{sensor.pixels} pixels (drawn as {shown})"
+    axes.text(0, -0.17 * height, pixels, color=GREY, ha="center", va="center")
     axes.set_aspect("equal")
     axes.set_xlim(-1.05 * half, 1.05 * half)
-    axes.set_ylim(-0.15 * height, 1.5 * height)
+    axes.set_ylim(-0.26 * height, 1.5 * height)
     axes.set_xlabel("along the detector [mm]")
     axes.set_ylabel("above it [mm]")
     return axes
@@ -200,9 +208,9 @@ def _currents(angles: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return cell_currents(np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=-1), normals)
 
 
-def _space(axes: Axes | None) -> Axes:
+def _space(axes: Axes | None, width: float = 4.8, height: float = 4.2) -> Axes:
     if axes is None:
-        figure = plt.figure(figsize=(4.8, 4.2), layout="constrained")
+        figure = plt.figure(figsize=(width, height), layout="constrained")
         axes = figure.add_subplot(projection="3d")
     axes.view_init(22, -55)
     return axes
