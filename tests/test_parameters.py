@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sensorbook.errors import InputError
-from sensorbook.parameters import Range, check, day, not_negative, positive, utc
+from sensorbook.parameters import Choice, Range, check, day, not_negative, positive, utc
 
 
 def refused(call, *given):
@@ -50,6 +50,12 @@ def test_all_faults_at_once_and_wrong_lengths():
         "parameters: b: is [1.0] — give a list of 2: speed [rev/min], ratio",
         "parameters: c: is 2.0 — give a list of 2: speed [rev/min], ratio",
     ]
+
+
+def test_choice():
+    check(("sequence", "ZYX", Choice(("ZYX", "ZXZ"))))
+    said = "parameters: sequence: is 'ZZX' — give one of ZYX, ZXZ"
+    assert refused(check, ("sequence", "ZZX", Choice(("ZYX", "ZXZ")))) == [said]
 
 
 def test_day():

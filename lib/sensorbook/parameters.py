@@ -43,7 +43,20 @@ class Range:
             return f"more than {self.low:g}{unit}" if self.open else f"{self.low:g}{unit} or more"
         if math.isfinite(self.high):
             return f"less than {self.high:g}{unit}" if self.open else f"{self.high:g}{unit} or less"
-        return f"a finite number in{unit}" if unit else "a finite number"
+        return f"a finite number in {self.unit}" if unit else "a finite number"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some texts."""
+
+    choices: tuple[str, ...]
+
+    def problem(self, where: str, value: Any) -> Problem | None:
+        """What is wrong with a value; `where` names the parameter."""
+        if value in self.choices:
+            return None
+        return Problem(FILE, where, f"is {value!r}", f"give one of {', '.join(self.choices)}")
 
 
 def positive(name: str, unit: str = "") -> Range:
@@ -56,7 +69,7 @@ def not_negative(name: str, unit: str = "") -> Range:
     return Range(name, unit, low=0.0)
 
 
-def check(*parameters: tuple[str, Any, Iterable[Range] | Range]) -> None:
+def check(*parameters: tuple[str, Any, Iterable[Range] | Range | Choice]) -> None:
     """Raises one `InputError` with a line for every value that makes no sense.
 
     `parameters` are (name, value, range) for a number, (name, values, ranges) for a list of them.
@@ -68,7 +81,7 @@ def check(*parameters: tuple[str, Any, Iterable[Range] | Range]) -> None:
     """
     problems = []
     for where, value, ranges in parameters:
-        if isinstance(ranges, Range):
+        if isinstance(ranges, Range | Choice):
             problems.append(ranges.problem(where, value))
             continue
         ranges = list(ranges)

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
+import re
+from types import SimpleNamespace
 
+import nbformat
 import numpy as np
 import pytest
 from devices import read_chapter
 from scipy import integrate
+
+from sensorbook.reporting import execute
+from sensorbook.reporting.chapters import NOTEBOOKS
 
 G0 = 9.80665
 
@@ -189,6 +197,13 @@ def test_sentences_follow_the_parameters(other):
     )
     assert "At these temperatures the band has no advantage" in page
     assert "This cone never crosses the limb: it tells nothing" in page
+    assert (
+        "From 35786 km, the geostationary orbit, the Earth fills **17.5°** of the sky: it is no point"
+        in page
+    )
+    # Flicker's row is named for what it is.
+    assert "bias instability: a bias of 0.66 B that stays" in page
+    assert "The row of bias instability is a bias of 0.66 B, no standard deviation." in page
 
 
 def test_a_date_outside_the_model_is_said(tmp_path):
@@ -196,7 +211,92 @@ def test_a_date_outside_the_model_is_said(tmp_path):
     assert "the IGRF holds from 1900 to 2030, not in 1850" in page
     assert "stands for it, typical of middle latitudes" in page
     assert "declination **" not in page
+    assert "A Hall plate with the whole of the assumed field through it." in page
+    assert "The assumed field of **48.33 µT** makes" in page  # √(20² + 44²)
+    assert "field at the place, from above" not in page
+    assert "on 1850-01-01 there is neither declination nor dip to state" in page
     found = record["results"]["sensor_principles"]
     for name in ("field_strength", "declination", "dip", "proton_frequency", "hall_voltage"):
         assert found[name]["value"] is None
     assert found["sagnac_phase_at_earth_rate"]["value"] is not None
+
+
+def test_the_teaching_cell_says_igrf_only_where_it_holds():
+    book = nbformat.read(NOTEBOOKS / "10_sensor_principles.ipynb", as_version=4)
+    source = next(c.source for c in book.cells if "dip of a dipole" in c.source)
+    for known, said in ((True, "IGRF: 58.2°"), (False, "the field is not known")):
+        printed = io.StringIO()
+        names = {"np": np, "latitude": 39.93, "dip": 58.2, "known": known}
+        names["earth"] = SimpleNamespace(source="not known")
+        with contextlib.redirect_stdout(printed):
+            exec(source, names)
+        assert said in printed.getvalue()
+        assert ("IGRF" in printed.getvalue()) == known
+
+
+def test_none_of_an_error_works_and_is_said(tmp_path):
+    record, page = read_chapter(
+        "sensor_principles",
+        tmp_path,
+        stochastic=[0.0, 0.0, 0.0],
+        biases=[0.0, 0.0],
+        rotor=[24000.0, 20.0, 0.0],
+        deterministic=[0.0, 0.0, 0.0, 0.0, 0.0],
+    )
+    assert "**This gyroscope has no noise** (N, B and K are 0)" in page
+    assert "An accelerometer without bias moves the position by nothing." in page
+    assert "A gyroscope without bias turns the attitude by nothing." in page
+    assert "**A gyroscope without bias drifts by its noise alone**" in page
+    assert "never" in page
+    assert not re.search(r"\b(nan|inf)\b", page)
+    assert "Position error of" not in page, "nothing to draw"
+    found = record["results"]["sensor_principles"]
+    for name in (
+        "accelerometer_bias_position_1h",
+        "gyroscope_bias_position_1h_schuler",
+        "rotor_drift",
+    ):
+        assert found[name]["value"] == 0
+
+
+def test_one_bias_alone(tmp_path):
+    page = read_chapter("sensor_principles", tmp_path, biases=[0.0, 1.0])[1]
+    assert "An accelerometer without bias moves the position by nothing." in page
+    assert "1 °/h turns the attitude by 0.017° in a minute and 1° in an hour" in page
+    assert "Position error of 0 mg and of 1 °/h." in page
+
+
+def test_a_spring_too_soft_for_gravity(tmp_path):
+    record, page = read_chapter("sensor_principles", tmp_path, accelerometer=[50.0, 2.0, 1.0, 5.0])
+    # g/ω² = 9.80665/(2π·50)² = 99.4 µm.
+    assert "the mass would have to move by 99.4 µm for one g, but the plate is 2 µm away" in page
+    assert "**it lies against its stop and reads nothing**" in page
+    assert "the mass lies against its stop: no reading." in page
+    assert "% of the gap" not in page
+    assert "it reads +g" not in page
+    assert "stop" in page
+    found = record["results"]["sensor_principles"]
+    assert found["accelerometer_displacement_1g"]["value"] is None
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"magnetic": [1.0, 1.0, 1e22, 0.0]}, "magnetic: area of the SQUID is 0 mm²"),
+        ({"magnetic": [1.0, 0.0, 1e22, 1.0]}, "magnetic: thickness of the Hall plate is 0 µm"),
+        ({"rotor": [0.0, 20.0, 1.0]}, "rotor: speed is 0 rev/min"),
+        ({"accelerometer": [0.0, 2.0, 1.0, 5.0]}, "accelerometer: resonance is 0 Hz"),
+        ({"horizon": [-100.0, 45.0, 60.0]}, "horizon: height of the orbit is -100 km"),
+        ({"stochastic": [-1.0, 0.0, 0.0]}, "stochastic: N is -1 °/√h"),
+        ({"place": [95.0, 0.0, 0.0]}, "place: latitude is 95°"),
+        ({"place": [40.0, 30.0]}, "give a list of 3: latitude [°], longitude [°], height [m]"),
+        ({"date": "tomorrow"}, "date: 'tomorrow' is no day"),
+    ],
+)
+def test_nonsense_is_named(given, said, tmp_path):
+    notebook = NOTEBOOKS / "10_sensor_principles.ipynb"
+    outcome = execute.execute(notebook, given, tmp_path, tmp_path, "")
+    assert outcome.status == "failed"
+    assert said in outcome.reason
+    assert outcome.reason.count("parameters: ") == 1
+    assert len(outcome.problems) == 1

@@ -62,6 +62,29 @@ def test_accelerometer_moves_the_mass_the_way_it_is_told(sign):
     assert "drawn 58 times larger" in shown
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_an_accelerometer_beyond_its_gap_lies_against_the_plate(sign):
+    axes = plots.plot_accelerometer(sign * 99.4e-6, 2e-6)
+    blue, red = (
+        [
+            p for p in axes.patches
+            if isinstance(p, Rectangle)
+            and mpl.colors.to_hex(p.get_facecolor()).upper() == COLOURS[axis]
+        ]
+        for axis in "xy"
+    )  # fmt: skip
+    (finger,), plate = blue, red[0 if sign > 0 else 1]
+    edges = finger.get_y() + (finger.get_height() if sign > 0 else 0)
+    inner = plate.get_y() + (0 if sign > 0 else plate.get_height())
+    assert edges == pytest.approx(inner)
+    shown = words(axes)
+    assert f"$x$ = {'−' if sign < 0 else ''}99.4 µm" in shown
+    assert "against the stop" in shown
+    assert "no reading" in shown
+    assert "%" not in shown
+    assert "times larger" not in shown
+
+
 def test_an_accelerometer_that_does_not_move_is_in_the_middle():
     shown = words(plots.plot_accelerometer(0.0, 2e-6))
     assert "$x$ = 0 m" in shown

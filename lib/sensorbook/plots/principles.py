@@ -21,10 +21,13 @@ def plot_accelerometer(displacement: float, gap: float, axes: Axes | None = None
     """A proof mass on springs, its finger between two fixed plates, sensitive axis up.
 
     `displacement` of the mass against its frame and `gap` of the plates in m. The displacement is
-    drawn larger, by the factor that is written beside it; what is up in the drawing is positive.
+    drawn larger, by the factor that is written beside it; what is up in the drawing is positive. One
+    that the gap does not allow leaves the finger at the plate, and no reading.
     """
     axes = _canvas(axes, (0, 12), (0, 6.6), 3.7)
-    drawn = float(np.sign(displacement)) * 0.45
+    stopped = abs(displacement) >= gap
+    # The plates are 1 from the middle; they and the finger are 0.16 thick.
+    drawn = float(np.sign(displacement)) * (0.84 if stopped else 0.45)
     axes.add_patch(Rectangle((1, 0.4), 6.6, 5.8, fill=False, ec=INK, lw=2))
     middle = 3.3 + drawn
     _spring(axes, (3, 6.2), (3, middle + 0.9))
@@ -41,16 +44,18 @@ def plot_accelerometer(displacement: float, gap: float, axes: Axes | None = None
     _arrow(axes, (0.45, 2.2), (0.45, 4.4), GREEN)
     axes.text(0.45, 4.65, "+", color=GREEN, ha="center", fontsize=12)
     axes.text(0.45, 1.75, "axis", color=GREEN, ha="center", va="center", fontsize=9)
-    larger = f"\n(drawn {0.45 * gap / abs(displacement):.2g} times larger)" if displacement else ""
+    moved = f"$x$ = {engineering(displacement, 'm')}"
+    reading = f"$= x\\,/\\,d$ = {100 * displacement / gap:.3g} %".replace("-", "−")
+    if stopped:
+        moved = f"the force asks for\n{moved}:\nagainst the stop"
+        reading = "no reading"
+    elif displacement:
+        moved += f"\n(drawn {0.45 * gap / abs(displacement):.2g} times larger)"
     for line, (words, colour) in enumerate(
         (
-            (f"$x$ = {engineering(displacement, 'm')}{larger}", BLUE),
+            (moved, BLUE),
             (f"$d$ = {engineering(gap, 'm')}", GREY),
-            (
-                "$(C_1 - C_2)\\,/\\,(C_1 + C_2)$\n$= x\\,/\\,d$ = "
-                + f"{100 * displacement / gap:.3g} %".replace("-", "−"),
-                RED,
-            ),
+            (f"$(C_1 - C_2)\\,/\\,(C_1 + C_2)$\n{reading}", RED),
         )
     ):
         axes.text(8.0, 5.2 - 1.7 * line, words, color=colour, fontsize=10, va="center")
