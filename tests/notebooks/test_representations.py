@@ -1,10 +1,21 @@
 """The chapter on representations and frames: its numbers, and sentences that follow its parameters."""
 
+import contextlib
+import io
+
 import erfa
+import nbformat
 import numpy as np
 import pytest
 from devices import read_chapter
 from scipy.spatial.transform import Rotation
+
+from sensorbook.attitude.rotations import matrix_from_euler, quaternion_from_matrix
+from sensorbook.attitude.round_trips import printed_quaternion
+from sensorbook.reporting import execute
+from sensorbook.reporting.chapters import NOTEBOOKS
+
+NOTEBOOK = NOTEBOOKS / "11_representations_and_frames.ipynb"
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +119,7 @@ def test_near_the_lock_at_half_a_turn_and_behind_the_earth(tmp_path):
         time="2010-01-01T00:00:00",
     )
     assert "**The attitude given is near the lock of Z-Y-X**: its margin is 0.017" in text
-    assert "0.1° of error in the attitude become about 5.7° in φ and ψ" in text
+    assert "0.1° of error in the attitude become **5.7°** in φ and ψ" in text
     assert "Another sequence is better: " in text
     assert "Its turn is 0° short of 180°: (2.11) divides by" in text
     assert "below the horizon, with the Earth between them" in text
@@ -128,3 +139,78 @@ def test_at_the_lock_and_beyond_the_range(tmp_path):
     found = record["results"]["representations"]
     assert found["angle_error_deg"] is None
     assert found["angles_deg"] == pytest.approx([0, 0, 50], abs=1e-12)
+
+
+def test_no_error_and_no_turn(tmp_path):
+    record, text = read_chapter(
+        "representations",
+        tmp_path,
+        angles_deg=[0.0, 0.0, 0.0],
+        attitude_error_deg=0.0,
+        time="2040-05-01T12:00:00Z",
+        orbit_height_km=35786.0,
+    )
+    assert "**The attitude has no error**, nor have its angles" in text
+    assert "The attitude given is 90.0° from the lock of Z-Y-X: its margin is 1.000." in text
+    assert "At 2040-05-01T12:00:00 UTC the sidereal angle" in text
+    assert "UT1 − UTC, below 0.9 s until the bound is raised, in or before 2035 (CGPM 2022" in text
+    assert "Warning" not in text
+    found = record["results"]["representations"]
+    assert found["time"] == "2040-05-01T12:00:00"
+    assert found["angle_error_deg"] == 0
+
+
+def test_an_error_too_large_for_the_law_of_small_ones(read, tmp_path):
+    record, text = read_chapter(
+        "representations", tmp_path, attitude_error_deg=50.0, time="2030-01-01T00:00:00"
+    )
+    assert "the law of small errors, no longer holds: the figure's simulation does." in text
+    assert "53" not in text[text.index("from the lock of Z-Y-X") :][:300]  # 50°/cos 20°
+    assert "UT1 − UTC, kept below 0.9 s by leap seconds, up to" in text
+    assert record["results"]["representations"]["angle_error_deg"] is None
+    assert "no longer holds" not in read[1]
+
+
+def shown(outcome):
+    """Everything that a run's outputs hold, errors and warnings too."""
+    return "".join(str(cell.get("outputs", "")) for cell in outcome.notebook.cells)
+
+
+def test_z_of_a_time_makes_no_warning(tmp_path):
+    given = {"time": "2026-05-01T12:00:00Z"}
+    outcome = execute.execute(NOTEBOOK, given, tmp_path, tmp_path, "")
+    assert outcome.status == "complete"
+    assert "UserWarning" not in shown(outcome)
+    assert "Z UTC" not in shown(outcome)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"station_deg": [100.0, 32.78]}, "station_deg: latitude is 100° — give -90 to 90°"),
+        ({"attitude_error_deg": -1.0}, "attitude_error_deg: error of the attitude is -1°"),
+        ({"vector": [0.0, 0.0, 0.0]}, "vector: length is 0 — give more than 0"),
+        ({"sequence": "ZZX"}, "sequence: is 'ZZX' — give one of XYX, XYZ,"),
+        ({"time": "noon"}, "time: 'noon' is no time"),
+        ({"orbit_height_km": -6378.137}, "orbit_height_km: height of the orbit is -6378.14 km"),
+    ],
+)
+def test_nonsense_is_named(given, said, tmp_path):
+    outcome = execute.execute(NOTEBOOK, given, tmp_path, tmp_path, "")
+    assert outcome.status == "failed"
+    assert said in outcome.reason
+    assert "radians" not in outcome.reason
+
+
+@pytest.mark.parametrize(("angles", "alike"), [((30, 20, -40), False), ((0, 0, 0), True)])
+def test_the_teaching_cell_tells_column_from_row(angles, alike):
+    book = nbformat.read(NOTEBOOK, as_version=4)
+    source = next(c.source for c in book.cells if "reference_x_in_body" in c.source)
+    names = {"np": np, "A": matrix_from_euler("ZYX", np.radians(angles))}
+    names |= {"matrix_from_euler": matrix_from_euler, "printed_quaternion": printed_quaternion}
+    names["quaternion_from_matrix"] = quaternion_from_matrix
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(source, names)
+    assert f"A's first column: True A's first row: {alike}" in printed.getvalue()
+    assert ("try another one" in printed.getvalue()) == alike

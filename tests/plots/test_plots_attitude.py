@@ -58,6 +58,20 @@ def test_axis_and_angle_carries_the_axes_over():
         assert ends[1] == pytest.approx(plots.VIEW(A[k])[:2])
 
 
+@pytest.mark.parametrize("matrix", [np.eye(3), np.diag([1.0, -1, -1]), A])
+def test_names_of_frames_do_not_stand_on_each_other(matrix):
+    axis, angle = axis_angle_from_matrix(matrix)
+    for axes in (
+        plots.plot_two_frames(matrix, np.array([0.9, 1.4, -0.5])),
+        plots.plot_axis_and_angle(axis, angle, matrix),
+    ):
+        axes.figure.canvas.draw()
+        boxes = [t.get_window_extent() for t in axes.texts if t.get_text()]
+        assert len(boxes) == 7
+        for k, box in enumerate(boxes):
+            assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
 def test_euler_steps_end_at_the_attitude():
     axes = plots.plot_euler_steps("ZYX", ANGLES)
     assert [a.get_title() for a in axes] == [

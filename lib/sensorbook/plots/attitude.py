@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
 
 from sensorbook.attitude.rotations import axis_rotation, lock_margin, matrix_from_axis_angle
 from sensorbook.attitude.round_trips import RoundTrip
@@ -49,6 +50,7 @@ def plot_two_frames(matrix: np.ndarray, vector: np.ndarray, axes: Axes | None = 
     _frame(axes, matrix, BLUE, "body ")
     tip = vector / np.linalg.norm(vector)
     _arrow(axes, np.zeros(3), 1.3 * tip, RED, "v", width=2.4)
+    _names_apart(axes)
     return _framed(axes)
 
 
@@ -64,6 +66,7 @@ def plot_axis_and_angle(
         _curve(axes, turns[:, k], SECOND, "--", 1.2)  # rows are the turning frame's axes
     _arrow(axes, -0.4 * axis, 1.35 * axis, RED, "e", width=2.2)
     axes.set_title(f"Φ = {np.degrees(angle):.1f}° about e", fontsize=10)
+    _names_apart(axes)
     return _framed(axes)
 
 
@@ -350,6 +353,21 @@ def _arrow(axes: Axes, start, tip, colour, name, view: View = VIEW, width: float
     axes.update_datalim([beyond])
     side = "left" if out[0] > 0.4 else "right" if out[0] < -0.4 else "center"
     axes.text(*beyond, name, color=colour, ha=side, va="center", fontsize=10)
+
+
+def _names_apart(axes: Axes) -> None:
+    """Names that would stand on each other, as those of two frames in one, one beyond the other."""
+    standing: list[np.ndarray] = []
+    for text in axes.texts:
+        if not text.get_text():
+            continue
+        at = np.array(text.get_position(), dtype=float)
+        while any(abs(at - other)[0] < 0.35 and abs(at - other)[1] < 0.12 for other in standing):
+            at[1] += 0.13 if at[1] > 0 else -0.13
+        standing.append(at)
+        text.set_position(at)
+        text.set_path_effects([withStroke(linewidth=3, foreground="white")])
+        axes.update_datalim([at])
 
 
 def _frame(
