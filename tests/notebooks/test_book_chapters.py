@@ -45,5 +45,7 @@ def test_each_is_complete_and_records_something(bound, chapter):
     page = (bound / f"{chapter.slug}.html").read_text(encoding="utf-8")
     assert f"<h1>{chapter.title}</h1>" in page
     assert len(page) < 3_000_000
+    assert set(re.findall('mathvariant="(.*?)"', page)) <= {"normal"}, "browsers know no other"
+    assert f"<code>notebooks/{chapter.notebook.name}</code>, which <code>make lab</code>" in page
     assert not re.search(r"https?://|src=\"//|url\(|<script", page)
     assert all('alt="' in tag for tag in re.findall(r"<img[^>]*>", page))
