@@ -10,6 +10,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from sensorbook.plots import principles as plots
 from sensorbook.plots import principles_curves as curves
+from sensorbook.plots import principles_instruments as instruments
 from sensorbook.plots.style import COLOURS
 
 mpl.use("Agg")
@@ -233,6 +234,49 @@ def test_radiance_shades_the_band():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("wavelength [µm]", "radiance [W/m²/sr/µm]")
 
 
+@pytest.mark.parametrize(("rate", "low"), [(1e-4, "lower"), (-1e-4, "higher"), (0.0, "same")])
+def test_ring_laser_the_longer_way_is_the_lower_frequency(rate, low):
+    axes = instruments.plot_ring_laser(rate, rate * 1e5)
+    shown = words(axes)
+    assert f"counter-clockwise: {low} frequency" in shown
+    assert ("$\\Delta f$ = 10 Hz" if rate else "$\\Delta f$ = 0 Hz") in shown
+    assert f"{np.degrees(rate) * 3600:.4g} °/h" in shown
+    for path, sign in zip(axes.get_lines()[:2], (1, -1), strict=True):
+        x, y = path.get_xydata().T
+        assert np.sign(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) == sign  # its area, by its sense
+
+
+def test_rotor_drifts_towards_the_torque():
+    axes = instruments.plot_rotor(np.radians(0.019) / 3600)
+    assert "drift $M/H$ = 0.019 °/h per g" in words(axes)
+    # H to the right, z up: δ x̂ × (−g ẑ) = +ŷ, away from the viewer. The near side of the turn about
+    # the vertical then goes to the right.
+    spin, weight = np.array([1.0, 0, 0]), np.array([0, 0, -1.0])
+    assert np.cross(spin, weight)[1] > 0
+    drift = next(
+        p for p in axes.patches
+        if isinstance(p, FancyArrowPatch) and p._posA_posB[0][1] > 2
+    )  # fmt: skip
+    assert drift._posA_posB[1][0] > drift._posA_posB[0][0]
+
+
+def test_resonant_accelerometer_has_two_beams():
+    shown = words(instruments.plot_resonant_accelerometer())
+    assert "$f_1$ falls" in shown
+    assert "beam 2 is pulled, $f_2$ rises" in shown
+
+
+def test_magnetoresistive_bridge_is_unbalanced_across():
+    axes = instruments.plot_magnetoresistive_bridge()
+    at = [(t.get_text(), np.sign(np.array(t.get_position()) - [3.6, 2.5]).tolist())
+          for t in axes.texts if "Delta R$" in t.get_text() and "U" not in t.get_text()]  # fmt: skip
+    # Opposite strips are alike: only then does the bridge's middle tell the change.
+    more = [place for name, place in at if "+" in name]
+    less = [place for name, place in at if "-" in name]
+    assert more == [[-1, 1], [1, -1]]
+    assert less == [[1, 1], [-1, -1]]
+
+
 def test_every_drawing_goes_into_given_axes():
     given = plt.subplots()[1]
     for drawn in (
@@ -242,6 +286,10 @@ def test_every_drawing_goes_into_given_axes():
         plots.plot_coriolis(0.5, 0.0, 0.0, given),
         plots.plot_hall(1e-3, 0.0, 0.0, given),
         plots.plot_two_frames(-1.0, [1, 1], given),
+        instruments.plot_ring_laser(0.0, 0.0, given),
+        instruments.plot_rotor(0.0, given),
+        instruments.plot_resonant_accelerometer(given),
+        instruments.plot_magnetoresistive_bridge(given),
         curves.plot_response([1, 2], [1, 2], (1, 1), given),
     ):
         assert drawn is given
