@@ -22,7 +22,6 @@ from sensorbook.reporting.work import (
     Said,
     Source,
     Task,
-    lies_in_device,
     open_source,
     same_ids,
     side_by_side,
@@ -49,7 +48,7 @@ def book(
     """
     said = Said(stdout or sys.stdout, stderr or sys.stderr, debug)
     paths = list(paths)
-    if lies_in_device(out, paths, said):
+    if _lies_in_device(out, paths, said):
         return 1
     opened = [open_source(Path(path), said) for path in paths]
     devices = [device for device in opened if device is not None]
@@ -63,6 +62,19 @@ def book(
     except OSError as error:
         said.problem(f"{error.filename}: {error.strerror}" if error.strerror else str(error))
     return int(bool(said.problems))
+
+
+def _lies_in_device(out: str, paths: Iterable[str], said: Said) -> bool:
+    """Whether what is written would lie among a device's recordings, which is told."""
+    for path in map(Path, paths):
+        folder = path.parent if path.name == "device.toml" else path
+        inside = Path(out).resolve().is_relative_to(folder.resolve())
+        if inside and (folder / "device.toml").is_file():
+            said.problem(
+                f"--out {out}: {folder} holds a device's recordings: choose a folder outside of it"
+            )
+            return True
+    return False
 
 
 def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said) -> None:

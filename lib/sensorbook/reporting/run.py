@@ -18,7 +18,6 @@ from sensorbook.reporting.work import (
     Said,
     Source,
     Task,
-    lies_in_device,
     open_source,
     same_ids,
     side_by_side,
@@ -49,8 +48,6 @@ def report(
         said.problem(f"{junit_file}: cannot be written — name a file in a folder that is there")
         return 1
     paths = list(paths)
-    if lies_in_device(out, paths, said):
-        return 1
     devices: list[Source] = []
     unread: list[str] = []
     for path in paths:

@@ -119,19 +119,6 @@ def same_ids(sources: list[Source], said: Said) -> bool:
     return False
 
 
-def lies_in_device(out: str, paths: Iterable[str], said: Said) -> bool:
-    """Whether what is written would lie among a device's recordings, which is told."""
-    for path in map(Path, paths):
-        folder = path.parent if path.name == "device.toml" else path
-        inside = Path(out).resolve().is_relative_to(folder.resolve())
-        if inside and (folder / "device.toml").is_file():
-            said.problem(
-                f"--out {out}: {folder} holds a device's recordings: choose a folder outside of it"
-            )
-            return True
-    return False
-
-
 def side_by_side(calls: Iterable[Callable[[], None]], jobs: int) -> None:
     """Makes all calls, `jobs` at a time; when one raises, or on an interrupt, every kernel ends."""
     execute.allow_kernels()
