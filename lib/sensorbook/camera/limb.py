@@ -18,18 +18,17 @@ from sensorbook.camera.model import Camera
 
 _BLUR = 1.2  # pixels, standard deviation of the smoothing before the gradient
 _EDGE, _WEAK = 7.0, 4.0  # of the gradient's own noise: an edge starts, and goes on
-_OUTSIDE = (5.0, 8.0, 12.0)  # pixels beyond an edge where there must be dark space
-_DARK = 0.12  # of the step's height: as much may be left of the brightness outside
+# Beyond an edge it must grow dark: by how many pixels, and to which part of the step's height. Haze of
+# 20 km reaches eight pixels at the rim of a wide camera in low orbit.
+_OUTSIDE = ((8.0, 0.4), (14.0, 0.12))
 _TRIALS = 300
 _INLIER = 1.5  # pixels
 _ALIGNED = 0.8  # cosine between an edge's gradient and the way to the centre
 _TUKEY = 4.685  # of the scale: 95 % efficient on normal errors
 COPIES = 4.0  # pixels along the limb that share their noise, by the smoothing
-LEAST_POINTS = 30
-_PROFILE, _PROFILE_BLUR = (
-    6,
-    0.8,
-)  # pixels: half length of the profile across an edge, smoothing before it
+LEAST_POINTS = 20
+_PROFILE, _INSIDE = 6, 4  # pixels outside and inside of an edge that its profile has
+_PROFILE_BLUR = 0.8  # pixels, smoothing before it
 
 # √depth spread by a unit normal width, and its slope.
 _TABLE = np.linspace(-8, 16, 961)
@@ -139,9 +138,9 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
     some = smooth[::8, ::8]
     dark = float(np.median(some[some <= np.percentile(some, 2) + 4 * grain]))
     inside = _sample(smooth, pixels + 3.0 * inward)
-    allowed = dark + np.maximum(4 * grain, _DARK * (inside - dark))
     good = inside > dark + 5 * grain
-    for away in _OUTSIDE:
+    for away, part in _OUTSIDE:
+        allowed = dark + np.maximum(4 * grain, part * (inside - dark))
         good &= _sample(smooth, pixels - away * inward) <= allowed
     if sun is not None:
         good &= np.linalg.norm(pixels - sun, axis=-1) > 15 + 3 * 0.005 * camera.focal_px
@@ -311,7 +310,7 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
     if not len(edges.pixels):
         return edges
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _PROFILE_BLUR)
-    along = np.arange(-_PROFILE, _PROFILE + 1.0)
+    along = np.arange(-_PROFILE, _INSIDE + 1.0)
     places = edges.pixels[:, None] + along[:, None] * edges.inward[:, None]
     values = _sample(smooth, places.reshape(-1, 2)).reshape(len(places), -1)
     place = np.zeros(len(values))
@@ -337,9 +336,13 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
             (left * (values - model)).sum(axis=-1) / np.maximum(size, 1e-9), -0.5, 0.5
         )
     grain = noise / (2 * np.sqrt(np.pi) * _PROFILE_BLUR)
-    # Neighbours along the profile share their noise.
-    sigma = np.hypot(_LEAST_SIGMA, grain * np.sqrt(_PROFILE_BLUR * 3.5 / np.maximum(size, 1e-9)))
-    good = (np.abs(place) < 2.5) & (sigma < 1.0) & (heights[:, 1] > 4 * grain)
+    # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
+    # ground's own pattern is in it.
+    misfit = np.maximum(((values - model) ** 2).mean(axis=-1) / grain**2, 1.0)
+    sigma = np.hypot(
+        _LEAST_SIGMA, grain * np.sqrt(misfit * _PROFILE_BLUR * 3.5 / np.maximum(size, 1e-9))
+    )
+    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (model[:, -1] - heights[:, 0] > 4 * grain)
     return Edges(
         edges.pixels[good] + place[good, None] * edges.inward[good], edges.inward[good], sigma[good]
     )
