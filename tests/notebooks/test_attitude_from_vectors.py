@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from devices import read_chapter, refused_chapter
+from devices import ended, read_chapter
 
 from sensorbook.attitude.vectors import SOLVERS
 
@@ -88,13 +88,20 @@ def test_where_the_field_is_no_reference_and_errors_are_large(tmp_path):
 @pytest.mark.parametrize(
     ("parameters", "reason"),
     [
-        ({"height_km": -7000.0}, "height_km is -7000. Give 0 to 100000 km."),
-        ({"latitude": 91.0}, "latitude is 91. Give -90 to 90 degrees."),
-        ({"time": "2040-01-01T00:00"}, "the IGRF holds from 1900 to 2030"),
-        ({"time": "noon"}, "time is noon"),
-        ({"epochs": 3}, "epochs is 3. Give a whole number, 100 or more."),
-        ({"sun_error": -1.0}, "sun_error is -1 and field_error 0.5. Give 0 to 60 degrees."),
+        ({"height_km": -7000.0}, "height_km: height is -7000 km — give 0 to 100000 km"),
+        ({"latitude": 91.0}, "latitude: latitude is 91° — give -90 to 90°"),
+        ({"time": "noon"}, "time: 'noon' is no time"),
+        ({"epochs": 3}, "epochs: number of attitudes is 3 — give 100 to 1e+06"),
+        ({"sun_error": -1.0}, "sun_error: standard error is -1° — give 0 to 60°"),
     ],
 )
-def test_nonsense_is_refused_by_its_name(tmp_path, parameters, reason):
-    assert reason in refused_chapter("attitude_from_vectors", tmp_path, **parameters)
+def test_nonsense_is_named(tmp_path, parameters, reason):
+    status, found = ended("attitude_from_vectors", tmp_path, **parameters)
+    assert status == "failed"
+    assert reason in found
+
+
+def test_beyond_the_fields_years(tmp_path):
+    status, reason = ended("attitude_from_vectors", tmp_path, time="2040-01-01T00:00")
+    assert status == "refused"
+    assert "the IGRF holds from 1900 to 2030" in reason
