@@ -244,8 +244,8 @@ def test_none_of_an_error_works_and_is_said(tmp_path):
         deterministic=[0.0, 0.0, 0.0, 0.0, 0.0],
     )
     assert "**This gyroscope has no noise** (N, B and K are 0)" in page
-    assert "An accelerometer without bias moves the position by nothing." in page
-    assert "A gyroscope without bias turns the attitude by nothing." in page
+    assert "**An accelerometer without bias** moves the position by nothing." in page
+    assert "**A gyroscope without bias** turns the attitude by nothing." in page
     assert "**A gyroscope without bias drifts by its noise alone**" in page
     assert "never" in page
     assert not re.search(r"\b(nan|inf)\b", page)
@@ -261,7 +261,7 @@ def test_none_of_an_error_works_and_is_said(tmp_path):
 
 def test_one_bias_alone(tmp_path):
     page = read_chapter("sensor_principles", tmp_path, biases=[0.0, 1.0])[1]
-    assert "An accelerometer without bias moves the position by nothing." in page
+    assert "**An accelerometer without bias** moves the position by nothing." in page
     assert "1 °/h turns the attitude by 0.017° in a minute and 1° in an hour" in page
     assert "Position error of 0 mg and of 1 °/h." in page
 
@@ -300,3 +300,10 @@ def test_nonsense_is_named(given, said, tmp_path):
     assert said in outcome.reason
     assert outcome.reason.count("parameters: ") == 1
     assert len(outcome.problems) == 1
+
+
+def test_no_emphasis_is_shown_as_asterisks(tmp_path):
+    notebook = NOTEBOOKS / "10_sensor_principles.ipynb"
+    outcome = execute.execute(notebook, {}, tmp_path, tmp_path, "")
+    assert outcome.status == "complete"
+    assert "&#42;&#42;" not in "".join(str(c.get("outputs", "")) for c in outcome.notebook.cells)
