@@ -26,7 +26,7 @@ _INLIER = 1.5  # pixels
 _ALIGNED = 0.8  # cosine between an edge's gradient and the way to the centre
 _TUKEY = 4.685  # of the scale: 95 % efficient on normal errors
 COPIES = 4.0  # pixels along the limb that share their noise, by the smoothing
-LEAST_POINTS = 20
+LEAST_POINTS = 12
 _PROFILE, _INSIDE = 6, 4  # pixels outside and inside of an edge that its profile has
 _PROFILE_BLUR = 0.8  # pixels, smoothing before it
 
