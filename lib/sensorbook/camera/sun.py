@@ -10,7 +10,10 @@ import numpy as np
 from sensorbook.camera.model import Camera
 
 SUN_RADIUS = 0.004652  # rad, from 1 AU (IAU 2015: 695 700 km over 149 597 871 km)
-_BRIGHT = 0.8  # of the largest value an image can hold
+_BRIGHT = (
+    0.94  # of the largest value an image can hold: the Sun saturates every camera that sees ground
+)
+_MOST_BLOBS = 50
 _MOST_AREA, _MOST_LENGTH = 4.0, 2.5  # of what the Sun's disc would have: a lens spreads it somewhat
 
 
@@ -39,9 +42,10 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     told from sunlit clouds by its size: a compact saturated blob with darkness around it.
     """
     bright = (image >= _BRIGHT * 255).astype(np.uint8)
-    count, _, stats, middles = cv2.connectedComponentsWithStats(bright, connectivity=8)
+    _, _, stats, middles = cv2.connectedComponentsWithStats(bright, connectivity=8)
     found = []
-    for blob in range(1, count):
+    # The largest ones: noise may lift thousands of single pixels of bright ground over the bound.
+    for blob in 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:_MOST_BLOBS]:
         x, y, width, height, area = stats[blob]
         ray = camera.rays(middles[blob])
         # A small circle off the axis is an ellipse, longer by 1/cos outward and wider by 1/√cos.
