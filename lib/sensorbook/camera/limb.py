@@ -40,6 +40,7 @@ _ROOT_SLOPE = np.gradient(_ROOT, _TABLE)
 _LEAST_SIGMA = 0.03  # pixels: of an edge between square pixels
 _SPREAD = 1.4  # pixels: how wide a step is after smoothing and gradient
 _MOST_POINTS = 1500  # of the fit; more share their noise
+_MOST_SAMPLES = 30_000  # OpenCV's remap takes 32 767 rows
 
 # What is left of unit white noise after the smoothing, and of that after Sobel's gradient over 8.
 _SMOOTHED = 1 / (2 * np.sqrt(np.pi) * _BLUR)
@@ -375,7 +376,12 @@ def _peak(size: np.ndarray, pixels: np.ndarray, inward: np.ndarray) -> np.ndarra
 
 def _sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Values between pixels (N, 2), bilinear; those outside are the border's."""
-    x, y = pixels[:, 0].astype(np.float32), pixels[:, 1].astype(np.float32)
-    return cv2.remap(
-        image, x[:, None], y[:, None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )[:, 0].astype(float)
+    if not len(pixels):
+        return np.empty(0)
+    parts = [
+        cv2.remap(
+            image, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        for part in np.array_split(pixels.astype(np.float32), 1 + len(pixels) // _MOST_SAMPLES)
+    ]
+    return np.concatenate(parts)[:, 0].astype(float)
