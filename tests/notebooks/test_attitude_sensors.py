@@ -225,6 +225,11 @@ def test_from_far_the_choice_is_a_guess(tmp_path):
 
 def test_a_cone_of_90_degrees_decides_nothing(tmp_path):
     record, text = read_chapter("attitude_sensors", tmp_path, cone_deg=90.0)
+    assert record["results"]["attitude_sensors"]["two_cones_rms"] == {}
+    assert record["results"]["attitude_sensors"]["fourth_crossing_gain"] is None
+    assert "two cones, four crossings: the noise hides a tilt towards the scan axis" in text
+    assert "both cones are (nearly) the same plane" in text
+    assert "fourth crossing makes no difference" not in text
     found = record["results"]["attitude_sensors"]["one_cone"]
     assert (found["roll_rad"], found["pitch_rad"], found["choice"]) == (None, None, "")
     assert (

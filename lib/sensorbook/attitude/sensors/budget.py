@@ -108,7 +108,7 @@ CONTRIBUTIONS = (
         "assumed: detector noise over the limb's slope",
     ),
     Contribution(
-        "magnetometer", "field model", 0.1, "µT", "bound of the IGRF in orbit, without storms"
+        "magnetometer", "field model", 0.1, "µT", "bound of the IGRF in low orbit, without storms"
     ),
     Contribution("magnetometer", "bias", 0.2, "µT", "assumed: the satellite's own magnets"),
     Contribution("magnetometer", "noise", 0.02, "µT", "assumed: a magnetoresistive sensor"),

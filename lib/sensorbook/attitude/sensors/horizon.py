@@ -37,11 +37,16 @@ REASONS = (
     "both solutions fit and neither is nearer to the nadir; choose a narrower cone, or add a second one",
     "the crossings lie on no one circle: the Sun or the Moon in the scan, a detector's fault, or a "
     "standard error without the Earth's oblateness and weather",
+    "the noise hides a tilt towards the scan axis and the height, most where both cones are nearly one "
+    "plane; choose narrower cones, or less noise",
 )
-_OK, _MISSING, _NEAR, _PLANE, _NO_FIT, _FEW, _TOGETHER, _TIE, _NO_CIRCLE = range(len(REASONS))
+_OK, _MISSING, _NEAR, _PLANE, _NO_FIT, _FEW, _TOGETHER, _TIE, _NO_CIRCLE, _HIDDEN = range(
+    len(REASONS)
+)
 ONLY = "the only one of the two with the Earth between the crossings"
 NEARER = "the nearer to the nadir of two that fit equally"
 LEAST_WIDTH = 1e-3  # rad, half the arc over the Earth
+LINEAR = 0.1  # rad, largest standard error to which a linearised one of nadir and cos ρ is trusted
 LEAST_PLANE = 1e-3  # of the determinant of both crossings and the nadir; errors grow by its inverse
 AGREE = 5.0  # standard errors of a misfit; noise alone is beyond once in two million samples
 MOST_MISFIT = np.radians(1.0)  # without `sigma`; oblateness and weather make 0.1° to 0.3°
@@ -188,6 +193,10 @@ def two_cones(
     their squared misfits is beyond `AGREE` standard errors or, without `sigma`, beyond `MOST_MISFIT`.
     It has one degree of freedom; three crossings leave none.
 
+    Refused is also what the crossings do not determine: with cones near η = π/2 every crossing lies near the
+    plane across the scan axis, and a tilt towards that axis does to them what another height does. The
+    solution moves by `sigma` over the least singular value but one, which is refused beyond `LINEAR`.
+
     Parameters
     ----------
     first, second : crossings (…) of the cone about y and of the one about −y
@@ -221,6 +230,8 @@ def two_cones(
     code = np.full(length.shape, _OK)
     # Of unit vectors a length of zero is a plane through none of them.
     code[(size[..., 2] < LEAST_PLANE) | (length < 1e-6)] = _TOGETHER
+    if sigma is not None:
+        code[(length >= 1e-6) & (size[..., 2] * length * LINEAR < sigma)] = _HIDDEN
     code[seen.sum(axis=-1) < 3] = _FEW
     length = np.where(length > 0, length, 1.0)
     order = np.array([1, -1, 1, -1])
@@ -237,6 +248,8 @@ def two_cones(
     misfit = np.linalg.norm(seen * left / np.maximum(np.abs(slopes), 1e-6), axis=-1)
     code[good & ~(misfit <= (MOST_MISFIT if sigma is None else AGREE * sigma))] = _NO_CIRCLE
     code[good & ~((cosine > 0) & (cosine < 1))] = _NO_FIT
+    # Where a scan runs along the limb its angle says nothing: nadir along the scan axis, cos ρ 0.
+    code[good & (seen & (np.abs(slopes) < LEAST_PLANE)).any(axis=-1)] = _HIDDEN
     good = code == _OK
     cosine = np.where(good, cosine, 0.5)
     sine = np.sqrt(1 - cosine**2)
