@@ -167,6 +167,10 @@ def test_static_shows_its_signals():
     sensor = static.StaticSensor(HEIGHT, np.radians(5))
     axes = plots.plot_static(sensor, BODY[:, 2], HEIGHT, np.array([0.1, 0.2, 0.3, 0.4]))
     assert {"1: 0.10", "4: 0.40"} <= {t.get_text() for t in axes.texts}
+    far = static.StaticSensor(35786e3, np.radians(5))
+    axes = plots.plot_static(far, BODY[:, 2], 35786e3, np.array([0.1, 0.2, 0.3, 0.4]))
+    low, high = axes.get_xlim()
+    assert sum(low < tick < high for tick in axes.get_xticks()) >= 3, "ticks also for a small disc"
 
 
 def test_field_stars_and_gyroscope():

@@ -157,7 +157,8 @@ def plot_static(
     axes.plot(*np.degrees(_map(nadir)), "+", color=BLUE, ms=10, label="nadir")
     axes.set_aspect("equal")
     axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1), borderaxespad=0)
-    return labelled(axes, "towards y [°]", "towards x [°]", 45)
+    wide = sensor.circle > np.radians(40)
+    return labelled(axes, "towards y [°]", "towards x [°]", 45 if wide else None)
 
 
 def plot_field(orbit: OrbitField, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
