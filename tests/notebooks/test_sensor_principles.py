@@ -288,6 +288,7 @@ def test_a_spring_too_soft_for_gravity(tmp_path):
         ({"accelerometer": [0.0, 2.0, 1.0, 5.0]}, "accelerometer: resonance is 0 Hz"),
         ({"horizon": [-100.0, 45.0, 60.0]}, "horizon: height of the orbit is -100 km"),
         ({"stochastic": [-1.0, 0.0, 0.0]}, "stochastic: N is -1 °/√h"),
+        ({"kelvin": [1.0, 300.0, 215.0, 245.0]}, "kelvin: cold cloud is 1 K — give 100 to 1000 K"),
         ({"place": [95.0, 0.0, 0.0]}, "place: latitude is 95°"),
         ({"place": [40.0, 30.0]}, "give a list of 3: latitude [°], longitude [°], height [m]"),
         ({"date": "tomorrow"}, "date: 'tomorrow' is no day"),
