@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.special import ndtr
 
-from sensorbook.camera.model import Camera
+from sensorbook.camera.model import Camera, grey
 
 _BLUR = 1.2  # pixels, standard deviation of the smoothing before the gradient
 _EDGE, _WEAK = 7.0, 4.0  # of the gradient's own noise: an edge starts, and goes on
@@ -111,6 +111,7 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
 
     `sun` is the Sun's pixel (2,), whose own edge is left out.
     """
+    image = grey(image, camera)
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _BLUR)
     dx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
     dy = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8)

@@ -39,6 +39,24 @@ class Camera:
     distortion: tuple[float, ...] = ()
     to_body: np.ndarray = field(default_factory=lambda: np.eye(3))
 
+    def __post_init__(self) -> None:
+        if not (self.width >= 1 and self.height >= 1):
+            raise ValueError(f"image of {self.width} × {self.height}: give pixels, 1 or more")
+        if not 0 < self.focal_px < np.inf:
+            raise ValueError(f"focal_px is {self.focal_px}: give pixels, above 0")
+        if self.centre.shape != (2,) or not np.isfinite(self.centre).all():
+            raise ValueError(f"principal_point is {self.principal_point}: give x and y in pixels")
+        if len(self.distortion) > 8 or not np.isfinite(self.distortion).all():
+            raise ValueError(f"distortion is {self.distortion}: give up to 8 numbers")
+        turn = np.asarray(self.to_body)
+        # Printed matrices have four digits.
+        if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-3):
+            raise ValueError(
+                "to_body is no rotation: give 3 × 3, its rows unit vectors at right angles"
+            )
+        if np.linalg.det(turn) < 0:
+            raise ValueError("to_body mirrors: give a right-handed rotation, of determinant 1")
+
     @classmethod
     def of(cls, table: Mapping) -> Camera:
         """The camera that a `[camera]` table of device.toml declares; its `sees` is not the camera's."""
@@ -60,6 +78,8 @@ class Camera:
     def rays(self, pixels: ArrayLike) -> np.ndarray:
         """Unit vectors (…, 3) in camera axes through pixels (…, 2): (3.12), distortion taken out."""
         pixels = np.asarray(pixels, dtype=float)
+        if pixels.shape[-1:] != (2,) or not np.isfinite(pixels).all():
+            raise ValueError(f"pixels of shape {pixels.shape}: give finite x and y, (…, 2)")
         if any(self.distortion):
             flat = np.ascontiguousarray(pixels.reshape(-1, 1, 2))
             to_rounding = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-14)
@@ -72,8 +92,14 @@ class Camera:
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
     def project(self, directions: ArrayLike) -> np.ndarray:
-        """Pixels (…, 2) of directions (…, 3) in camera axes; NaN where they are behind the camera."""
+        """Pixels (…, 2) of directions (…, 3) in camera axes; NaN where they are behind the camera.
+
+        NaN, too, so far off the axis that the distortion's polynomials turn back, or have a pole: they
+        would put what is out of view into the image.
+        """
         directions = np.asarray(directions, dtype=float)
+        if directions.shape[-1:] != (3,):
+            raise ValueError(f"directions of shape {directions.shape}: give x, y and z, (…, 3)")
         ahead = directions[..., 2] > 0
         depth = np.where(ahead, directions[..., 2], np.nan)
         plane = directions[..., :2] / depth[..., None]
@@ -85,6 +111,7 @@ class Camera:
             pixels, _ = cv2.projectPoints(
                 known, np.zeros(3), np.zeros(3), self._matrix, self._coefficients
             )
+            ahead &= (plane**2).sum(axis=-1) < self._turns_back
             return np.where(ahead[..., None], pixels.reshape(plane.shape), np.nan)
         return self.focal_px * plane + self.centre
 
@@ -101,6 +128,21 @@ class Camera:
         x, y = np.meshgrid(np.arange(self.width), np.arange(self.height))
         return self.rays(np.stack([x, y], axis=-1))
 
+    @cached_property
+    def _turns_back(self) -> float:
+        """r² on the plane z = 1 from where the radial distortion no longer grows with r."""
+        k1, k2, _, _, k3, k4, k5, k6 = self._coefficients
+        above, below = (
+            np.polynomial.Polynomial([1, k1, k2, k3]),
+            np.polynomial.Polynomial([1, k4, k5, k6]),
+        )
+        square = np.polynomial.Polynomial([0, 1])
+        # r·above/below has a slope of 0 where this in r² has; a pole where below has.
+        slope = (above + 2 * square * above.deriv()) * below - 2 * square * above * below.deriv()
+        roots = np.concatenate([slope.trim().roots(), below.trim().roots()])
+        real = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
+        return float(real.min()) if len(real) else np.inf
+
     @property
     def _last(self) -> np.ndarray:
         return np.array([self.width - 1, self.height - 1])
@@ -116,3 +158,20 @@ class Camera:
         given = np.zeros(8)
         given[: len(self.distortion)] = self.distortion
         return given
+
+
+def grey(image: ArrayLike, camera: Camera) -> np.ndarray:
+    """The image as it is, (height, width), uint8; an error says what else it is."""
+    image = np.asarray(image)
+    if image.ndim != 2:
+        raise ValueError(
+            f"image has the shape {image.shape}: give one grey channel, (height, width)"
+        )
+    if image.dtype != np.uint8:
+        raise ValueError(f"image is of {image.dtype}: give 8-bit values, 0 to 255")
+    if image.shape != (camera.height, camera.width):
+        raise ValueError(
+            f"image is {image.shape[1]} × {image.shape[0]} pixels, its camera "
+            f"{camera.width} × {camera.height}: give images of this camera"
+        )
+    return image

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sensorbook.camera.model import Camera
+from sensorbook.camera.model import Camera, grey
 
 SUN_RADIUS = 0.004652  # rad, from 1 AU (IAU 2015: 695 700 km over 149 597 871 km)
 _BRIGHT = (
@@ -41,6 +41,7 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     The true Sun is three pixels wide in a wide camera, which work C's median of 7 × 7 erases. It is
     told from sunlit clouds by its size: a compact saturated blob with darkness around it.
     """
+    image = grey(image, camera)
     bright = (image >= _BRIGHT * 255).astype(np.uint8)
     _, _, stats, middles = cv2.connectedComponentsWithStats(bright, connectivity=8)
     found = []
