@@ -344,7 +344,9 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
     sigma = np.hypot(
         _LEAST_SIGMA, grain * np.sqrt(misfit * _PROFILE_BLUR * 3.5 / np.maximum(size, 1e-9))
     )
-    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (model[:, -1] - heights[:, 0] > 4 * grain)
+    # A thin crescent is dark again at the profile's end.
+    rise = model.max(axis=-1) - heights[:, 0]
+    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > 4 * grain)
     return Edges(
         edges.pixels[good] + place[good, None] * edges.inward[good], edges.inward[good], sigma[good]
     )
