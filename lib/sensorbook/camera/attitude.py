@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from sensorbook.attitude import two_vector
 from sensorbook.attitude.rotations import matrix_from_axis_angle
-from sensorbook.camera.limb import COPIES, Limb, find_edges, fit_limb, tukey
+from sensorbook.camera.limb import COPIES, Limb, find_limb, tukey
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS
 from sensorbook.camera.sun import Sun, find_sun
@@ -55,9 +55,8 @@ def attitude_from_image(
     position, sun = np.asarray(position, dtype=float), np.asarray(sun, dtype=float)
     semi_axes = np.asarray(semi_axes, dtype=float)
     seen = find_sun(image, camera)
-    edges = find_edges(image, camera, seen.pixel)
     size = np.linalg.norm(position)
-    limb = fit_limb(edges, camera, seen.direction, _expected(size, semi_axes.mean()))
+    limb = find_limb(image, camera, seen.direction, _expected(size, semi_axes.mean()))
     missing = [what.status for what in (seen, limb) if what.status != "ok"]
     if missing:
         return ImageAttitude(seen, limb, None, None, "no solution: " + ", ".join(missing))

@@ -7,7 +7,7 @@ the centre of the imaged ellipse is not the image of the centre, and works on an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -27,6 +27,8 @@ _ALIGNED = 0.8  # cosine between an edge's gradient and the way to the centre
 _TUKEY = 4.685  # of the scale: 95 % efficient on normal errors
 COPIES = 4.0  # pixels along the limb that share their noise, by the smoothing
 LEAST_POINTS = 12
+_LEAST_SHARE = 0.25  # of the edges that look out on dark space: scattered ones make no limb
+_SMALLER = (2, 4, 8, 16)  # of how many pixels one is made, where the image shows no limb as it is
 _PROFILE, _INSIDE = 6, 4  # pixels outside and inside of an edge that its profile has
 _PROFILE_BLUR = 0.8  # pixels, smoothing before it
 
@@ -84,6 +86,7 @@ class Limb:
     sigma : (N,), pixels, how well each is known
     rays, across : (N, 3), lines of sight through them, and how these turn over a pixel inward
     status : "ok", or why there is none
+    scale : pixels of the image to one of the smaller image that the limb was found in
     """
 
     direction: np.ndarray | None
@@ -97,6 +100,7 @@ class Limb:
     sigma: np.ndarray | None = None
     rays: np.ndarray | None = None
     across: np.ndarray | None = None
+    scale: int = 1
 
     @property
     def std(self) -> float | None:
@@ -104,6 +108,52 @@ class Limb:
         if self.covariance is None:
             return None
         return float(np.sqrt(np.trace(self.covariance[:2, :2]) / 2))
+
+
+def find_limb(
+    image: np.ndarray,
+    camera: Camera,
+    sun: np.ndarray | None = None,
+    radius: tuple[float, float] | None = None,
+) -> Limb:
+    """The limb in a grey image (height, width), uint8; arguments as those of `fit_limb`.
+
+    Air is many pixels deep in a telephoto picture: where no edge is as sharp as a pixel, the limb is the
+    best known of those in smaller images. Pixels, sigma and residuals are of the image given.
+    """
+    pixel = None if sun is None else camera.project(sun)
+    limb = fit_limb(find_edges(image, camera, pixel), camera, sun, radius)
+    found = []
+    for scale in _SMALLER if limb.status != "ok" else ():
+        width, height = camera.width // scale, camera.height // scale
+        if min(width, height) < 64:
+            break
+        small = replace(
+            camera,
+            width=width,
+            height=height,
+            focal_px=camera.focal_px / scale,
+            principal_point=tuple((camera.centre + 0.5) / scale - 0.5),
+        )
+        whole = image[: height * scale, : width * scale]
+        less = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+        place = None if pixel is None else (pixel + 0.5) / scale - 0.5
+        tried = fit_limb(find_edges(less, small, place), small, sun, radius)
+        if tried.status == "ok":
+            found.append(_enlarged(tried, scale))
+    return min(found, key=lambda one: one.std, default=limb)
+
+
+def _enlarged(limb: Limb, scale: int) -> Limb:
+    """A limb of an image made smaller, in pixels of the image as it was."""
+    return replace(
+        limb,
+        pixels=(limb.pixels + 0.5) * scale - 0.5,
+        residuals=limb.residuals * scale,
+        sigma=limb.sigma * scale,
+        across=limb.across / scale,
+        scale=scale,
+    )
 
 
 def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None) -> Edges:
@@ -176,15 +226,18 @@ def fit_limb(
     best = _consensus(rays, across, sun, radius, np.random.default_rng(seed))
     if best is None:
         return Limb(None, None, None, None, edges.pixels, *nothing, "no limb among the edges")
-    normal = best
-    for _ in range(3):
-        used = np.abs(_off(normal, rays, across)) < 3 * _INLIER
+    normal, near = best, 3 * _INLIER
+    for _ in range(4):
+        used = np.abs(_off(normal, rays, across)) < near
         used &= _facing(normal, rays, across, sun)
-        if used.sum() < LEAST_POINTS:
+        if used.sum() < max(LEAST_POINTS, _LEAST_SHARE * count):
             return Limb(None, None, None, None, edges.pixels, *nothing, "no limb among the edges")
         normal, covariance, basis = refined_cone(
             normal, rays[used], across[used], edges.sigma[used], radius
         )
+        # Tops of clouds lie a few pixels inside the limb of air.
+        spread = 1.4826 * np.median(np.abs(_off(normal, rays[used], across[used])))
+        near = np.clip(_TUKEY * spread, _INLIER, 3 * _INLIER)
     size = np.linalg.norm(normal)
     residuals = _off(normal, rays, across)
     if not size > 1:
