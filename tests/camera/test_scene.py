@@ -1,0 +1,214 @@
+"""The renderer against geometry worked out another way."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+from scipy.spatial.transform import Rotation
+
+from sensorbook.camera.model import Camera
+from sensorbook.camera.scene import (
+    EARTH_RADIUS,
+    GROUND,
+    SUN_DISTANCE,
+    SUN_RADIUS,
+    WGS84,
+    Scene,
+    render,
+    texture,
+)
+
+CAMERA = Camera(400, 300, 200.0)
+WIDE = Camera(1280, 720, 369.5)
+PLACE = np.array([9.0e6, -8.0e6, 7.5e6])  # 14 200 km from the centre: the limb is 90 px from it
+AWAY = PLACE / np.linalg.norm(PLACE)  # a Sun behind the camera
+SQUASHED = (6371e3, 6371e3, 5600e3)  # more than the Earth, for a test that tells
+
+
+def looking(target, seed=0, off=(0.0, 0.0)):
+    """An attitude (3, 3) whose camera has `target` at `off` degrees from its axis, rolled at random."""
+    z = np.asarray(target) / np.linalg.norm(target)
+    x = np.cross(z, [0.3, 0.5, -0.8])
+    x /= np.linalg.norm(x)
+    roll = np.random.default_rng(seed).uniform(0, 360)
+    turn = Rotation.from_euler("zyx", [roll, off[0], off[1]], degrees=True).as_matrix()
+    return turn @ np.stack([x, np.cross(z, x), z])
+
+
+def shot(scene, attitude, camera=CAMERA, seed=1):
+    return render(camera, scene, attitude, np.random.default_rng(seed)).astype(float)
+
+
+def below_limb_of_sphere(direction):
+    """Rad by which a direction, inertial, is nearer to the nadir than asin(R/(R + h))."""
+    return np.arcsin(EARTH_RADIUS / np.linalg.norm(PLACE)) - np.arccos(
+        -direction @ PLACE / np.linalg.norm(PLACE)
+    )
+
+
+def below_limb_of_ellipsoid(axes):
+    """How deep a sight dips, by the smallest value of (x/a)² + (y/b)² + (z/c)² − 1 along it."""
+
+    def dip(direction):
+        def level(far):
+            return (((PLACE + far * direction) / axes) ** 2).sum() - 1
+
+        return -minimize_scalar(level, bounds=(1e6, 4e7), method="bounded").fun
+
+    return dip
+
+
+@pytest.mark.parametrize(
+    ("axes", "below"),
+    [
+        ((EARTH_RADIUS,) * 3, below_limb_of_sphere),
+        (WGS84, below_limb_of_ellipsoid(np.array(WGS84))),
+        (SQUASHED, below_limb_of_ellipsoid(np.array(SQUASHED))),
+    ],
+)
+def test_the_limb_lies_where_geometry_puts_it(axes, below):
+    """The bright part of each row and column ends where a line of sight grazes the Earth."""
+    attitude = looking(-PLACE, 4, (6.0, -4.0))
+    image = shot(Scene(PLACE, AWAY, axes, noise=0), attitude) / GROUND
+    middle = np.rint(CAMERA.project(attitude @ -AWAY)).astype(int)
+    off = []
+    for along in (0, 1):
+        lines = image if along == 0 else image.T
+        for line in range(middle[1 - along] - 55, middle[1 - along] + 56, 3):
+            for way in (1, -1):
+
+                def depth(far, line=line, along=along, way=way):
+                    pixel = np.empty(2)
+                    pixel[along], pixel[1 - along] = middle[along] + way * far, line
+                    return below(attitude.T @ CAMERA.rays(pixel))
+
+                part = lines[line, middle[along] :: way]
+                true = brentq(depth, 20, 140, xtol=1e-6)
+                # Covered parts of the pixels from the middle's own left half on; across the limb.
+                slant = true / np.hypot(true, line - middle[1 - along])
+                off.append((part.sum() - 0.5 - true) * slant)
+    off = np.array(off)
+    assert len(off) == 148
+    assert abs(off.mean()) < 0.01
+    assert np.sqrt((off**2).mean()) < 0.02
+    # Six samples across a pixel: an edge along the rows may be off by half of one.
+    assert np.abs(off).max() < 1 / 12
+
+
+def test_lambert_is_the_suns_height():
+    sun = np.cross(AWAY, [0, 0, 1]) + 0.1 * AWAY
+    sun /= np.linalg.norm(sun)
+    attitude = looking(-PLACE, 5)
+    image = shot(Scene(PLACE, sun, lit="lambert", noise=0), attitude)
+    rng = np.random.default_rng(6)
+    pixels = np.rint(rng.uniform(-60, 60, (200, 2)) + CAMERA.project(attitude @ -AWAY)).astype(int)
+    rays = CAMERA.rays(pixels) @ attitude
+    along = rays @ PLACE
+    far = -along - np.sqrt(along**2 - (PLACE @ PLACE - EARTH_RADIUS**2))
+    normal = (PLACE + far[:, None] * rays) / EARTH_RADIUS
+    expected = GROUND * np.clip(normal @ sun, 0, None)
+    assert (expected == 0).sum() > 20
+    assert (expected > 50).sum() > 20
+    # Rounding to whole DN.
+    np.testing.assert_allclose(image[pixels[:, 1], pixels[:, 0]], expected, rtol=0, atol=0.501)
+
+
+def test_haze_falls_by_e_over_its_height():
+    attitude = looking(-PLACE, 7)
+    image = shot(Scene(PLACE, AWAY, haze=300e3, noise=0), attitude)
+    rays = CAMERA.grid @ attitude
+    height = np.linalg.norm(np.cross(PLACE, rays), axis=-1) - EARTH_RADIUS
+    air = (height > 250e3) & (height < 1200e3)  # two pixels from the limb on
+    assert air.sum() > 2000
+    np.testing.assert_allclose(
+        image[air], GROUND * np.exp(-height[air] / 300e3), rtol=0, atol=0.501
+    )
+    assert (image[height < -250e3] == GROUND).all()
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.0), (40.0, 0.0), (30.0, 20.0), (-50.0, 10.0)])
+def test_the_suns_disc(off):
+    """Its solid angle, seen under an angle θ to the axis, covers f²Ω/cos³θ of the image."""
+    attitude = looking(AWAY, 8, off)
+    image = shot(Scene(PLACE, AWAY, noise=0), attitude, WIDE)
+    direction = attitude @ AWAY
+    place = WIDE.project(direction)
+    rows, columns = np.indices(image.shape)
+    solid = 2 * np.pi * (1 - np.cos(np.arctan(SUN_RADIUS / SUN_DISTANCE)))
+    # 36 samples a pixel, some 15 pixels of rim.
+    assert image.sum() / 255 == pytest.approx(369.5**2 * solid / direction[2] ** 3, rel=0.03)
+    found = np.array([(image * columns).sum(), (image * rows).sum()]) / image.sum()
+    np.testing.assert_allclose(found, place, rtol=0, atol=0.04)
+
+
+def test_the_earth_hides_the_sun():
+    behind = Rotation.from_rotvec([0.02, 0.01, 0]).as_matrix() @ -AWAY
+    image = shot(Scene(PLACE, behind, noise=0), looking(-PLACE))
+    assert image.max() == GROUND
+    beside = np.array([1, -1, 0]) / np.sqrt(2)
+    image = shot(Scene(PLACE, beside, noise=0), looking(beside), WIDE)
+    assert image.max() == 255
+
+
+def test_a_texture_goes_round():
+    """A bright meridian at ±180°, half in its first column and half in its last."""
+    painting = np.full((90, 180), 0.5)
+    painting[:, :6] = painting[:, -6:] = 1.0
+    painting[:30] = 0.0  # 30° to 90° north
+    place = np.array([-14e6, 0, 0])
+    attitude = np.array([[0, -1.0, 0], [0, 0, -1], [1, 0, 0]])  # east to the left, north up
+    image = shot(Scene(place, -place / 14e6, texture=painting, noise=0), attitude)
+    row = image[150]
+    stripe = np.flatnonzero(row == GROUND)
+    assert (np.diff(stripe) == 1).all()
+    # ±12° at 6371 km from 14 000 km: R sin 12°/(14 000 km − R cos 12°) · f.
+    half = 200 * 6371 * np.sin(np.radians(12)) / (14000 - 6371 * np.cos(np.radians(12)))
+    assert len(stripe) == pytest.approx(2 * half, abs=1.5)
+    assert stripe.mean() == pytest.approx(199.5, abs=0.6)
+    assert image[150 - 90, 200] == 0
+    assert image[150 + 90, 200] == GROUND
+
+
+def test_a_made_up_earth():
+    painting = texture(3, rows=64)
+    assert painting.shape == (64, 128)
+    assert painting.min() >= 0.15
+    assert painting.max() <= 1
+    np.testing.assert_array_equal(painting, texture(3, rows=64))
+    assert (painting != texture(4, rows=64)).any()
+    seam = np.abs(painting[:, 0] - painting[:, -1]).mean()
+    assert seam < 2 * np.abs(np.diff(painting, axis=1)).mean()
+
+
+def test_noise_is_as_large_as_said_and_repeats():
+    scene, attitude = Scene(PLACE, AWAY, noise=3.0), looking(-PLACE)
+    image = shot(scene, attitude, seed=11)
+    np.testing.assert_array_equal(image, shot(scene, attitude, seed=11))
+    assert (image != shot(scene, attitude, seed=12)).any()
+    ground = image[120:180, 170:230]
+    # 3600 pixels: 1.2 % standard error; rounding adds 1/12 DN².
+    assert ground.std() == pytest.approx(np.sqrt(9 + 1 / 12), rel=0.06)
+
+
+def test_the_mounting_turns_the_camera():
+    turn = Rotation.from_euler("xyz", [20, -30, 50], degrees=True).as_matrix()
+    scene, attitude = Scene(PLACE, AWAY, noise=0), looking(-PLACE, 2, (5, 3))
+    mounted = Camera(400, 300, 200.0, to_body=turn)
+    np.testing.assert_array_equal(
+        shot(scene, turn @ attitude, mounted), shot(scene, attitude, CAMERA)
+    )
+
+
+@pytest.mark.parametrize("part", [0.0, 0.5, 0.999])
+def test_a_place_inside_the_earth(part):
+    with pytest.raises(ValueError, match="position is inside the Earth: give metres"):
+        Scene(np.array([0, 0, part * WGS84[2]]), AWAY, WGS84)
+
+
+def test_a_place_that_is_no_number():
+    with pytest.raises(ValueError, match="position is inside the Earth"):
+        Scene(np.array([np.nan, 0, 0]), AWAY)
+
+
+def test_light_that_is_none():
+    with pytest.raises(ValueError, match='lit is \'phong\': give "full" or "lambert"'):
+        Scene(PLACE, AWAY, lit="phong")
