@@ -20,7 +20,6 @@ REASONS = (
     "the reading is no finite number",
     "no field is left after the bias: it has no direction",
 )
-GRAVITATION = 3.986004418e14  # m³/s², WGS 84
 
 
 @dataclass(frozen=True)
@@ -142,13 +141,10 @@ def field_along_orbit(
     """
     if not height > 0:
         raise ValueError(f"height is {height:g} m: give a height above the Earth's surface")
-    radius = 6378137.0 + height
-    rate = np.sqrt(GRAVITATION / radius**3)
+    rate = np.sqrt(earth.GRAVITATION / (earth.EQUATOR_RADIUS + height) ** 3)
     time = np.linspace(0, 2 * np.pi * turns / rate, samples)
     u = rate * time
-    position = radius * np.stack(
-        [np.cos(u), np.sin(u) * np.cos(inclination), np.sin(u) * np.sin(inclination)], axis=-1
-    )
+    position, _ = frames.circular_orbit(height, inclination, 0.0, u)
     when = np.datetime64(start, "us") + (time * 1e6).astype("timedelta64[us]")
     ecef_from_eci = frames.ecef_from_eci(when)
     ecef = np.einsum("nij,nj->ni", ecef_from_eci, position)
