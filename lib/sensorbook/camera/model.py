@@ -139,7 +139,7 @@ class Camera:
         square = np.polynomial.Polynomial([0, 1])
         # r·above/below has a slope of 0 where this in r² has; a pole where below has.
         slope = (above + 2 * square * above.deriv()) * below - 2 * square * above * below.deriv()
-        roots = np.concatenate([slope.trim().roots(), below.trim().roots()])
+        roots = np.concatenate([slope.trim(1e-15).roots(), below.trim(1e-15).roots()])
         real = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
         return float(real.min()) if len(real) else np.inf
 

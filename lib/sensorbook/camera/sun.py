@@ -14,6 +14,7 @@ _BRIGHT = (
     0.94  # of the largest value an image can hold: the Sun saturates every camera that sees ground
 )
 _MOST_BLOBS = 50
+_STD = 0.03  # pixels
 _MOST_AREA, _MOST_LENGTH = 4.0, 2.5  # of what the Sun's disc would have: a lens spreads it somewhat
 
 
@@ -75,8 +76,8 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     if cut:
         return Sun(None, None, None, "Sun cut by the edge of the image")
     direction = camera.rays(pixel)
-    # Rounding of partly covered pixels on the rim: a tenth of a pixel covers it.
-    return Sun(pixel, direction, 0.1 / camera.focal_px, "ok")
+    # Whole DN and saturation of partly covered pixels on the rim, a few hundredths of a pixel each way.
+    return Sun(pixel, direction, _STD / camera.focal_px, "ok")
 
 
 def _ring(image: np.ndarray, x: int, y: int, width: int, height: int) -> np.ndarray:
