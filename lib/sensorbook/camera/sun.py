@@ -14,6 +14,7 @@ _BRIGHT = (
     0.94  # of the largest value an image can hold: the Sun saturates every camera that sees ground
 )
 _MOST_BLOBS = 50
+_LEAST_AREA = 0.3  # of its disc: a rim of a pixel's width does not saturate
 _STD = 0.03  # pixels
 _MOST_AREA, _MOST_LENGTH = 4.0, 2.5  # of what the Sun's disc would have: a lens spreads it somewhat
 
@@ -57,6 +58,9 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
             _MOST_LENGTH * 2 * max(long, 1) + 2
         ):
             continue
+        # Hot pixels are fewer than those that the disc covers wholly.
+        if area < _LEAST_AREA * np.pi * long * wide and not _at_edge(stats[blob], image):
+            continue
         around = _ring(image, x, y, width, height)
         # Space around it on most sides; the limb may be near.
         if around.size and np.mean(around < 0.5 * _BRIGHT * 255) > 0.6:
@@ -72,12 +76,17 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     rows, columns = np.indices(patch.shape)
     pixel = np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
     pixel += [left, top]
-    cut = x <= 0 or y <= 0 or x + width >= image.shape[1] or y + height >= image.shape[0]
-    if cut:
+    if _at_edge(stats[blob], image):
         return Sun(None, None, None, "Sun cut by the edge of the image")
     direction = camera.rays(pixel)
     # Whole DN and saturation of partly covered pixels on the rim, a few hundredths of a pixel each way.
     return Sun(pixel, direction, _STD / camera.focal_px, "ok")
+
+
+def _at_edge(stats: np.ndarray, image: np.ndarray) -> bool:
+    """Whether a blob touches the image's edge."""
+    x, y, width, height, _ = stats
+    return x <= 0 or y <= 0 or x + width >= image.shape[1] or y + height >= image.shape[0]
 
 
 def _ring(image: np.ndarray, x: int, y: int, width: int, height: int) -> np.ndarray:
