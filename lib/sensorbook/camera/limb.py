@@ -194,7 +194,7 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
     for away, part in _OUTSIDE:
         allowed = dark + np.maximum(4 * grain, part * (inside - dark))
         good &= _sample(smooth, pixels - away * inward) <= allowed
-    if sun is not None:
+    if sun is not None and np.isfinite(sun).all():  # NaN: behind the camera
         good &= np.linalg.norm(pixels - sun, axis=-1) > 15 + 3 * 0.005 * camera.focal_px
     return _placed(image, Edges(pixels[good], inward[good], np.ones(good.sum())), noise / _GRADIENT)
 
@@ -267,7 +267,8 @@ def cone(rays: np.ndarray) -> tuple[np.ndarray, float]:
     >>> direction.round(12) + 0.0, round(radius, 12)
     (array([0., 0., 1.]), 0.5)
     """
-    h = np.linalg.solve(rays.T @ rays, rays.sum(axis=0))
+    # Not by the normal equations: a short arc is so flat that they lose half of the digits.
+    h = np.linalg.lstsq(rays, np.ones(len(rays)), rcond=None)[0]
     size = np.linalg.norm(h)
     return h / size, float(np.arccos(min(1 / size, 1.0)))
 
