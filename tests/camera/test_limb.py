@@ -156,6 +156,18 @@ def test_a_disc_of_the_wrong_size_is_no_earth():
     assert limb.std is None
 
 
+@pytest.mark.parametrize("level", [40.0, 255.0])
+def test_a_disc_without_noise(level):
+    """Its rim is all that differs in such an image, and is not taken for noise."""
+    columns, rows = np.meshgrid(np.arange(640), np.arange(480))
+    clean = level * np.clip(100.5 - np.hypot(columns - 300, rows - 200), 0, 1)
+    clean[100:104, 500:504] = 255  # the Sun
+    limb = find_limb(np.rint(clean).astype(np.uint8), CAMERA)
+    assert limb.status == "ok"
+    assert limb.used.sum() > 500
+    assert limb.angular_radius == pytest.approx(np.arctan(100 / 250), abs=0.03)
+
+
 def test_a_radius_known_helps_a_short_arc():
     """27° of limb: direction and radius trade against each other unless one is known."""
     down = unit([0, -2.2, 1.0])

@@ -54,6 +54,12 @@ def attitude_from_image(
     """
     position, sun = np.asarray(position, dtype=float), np.asarray(sun, dtype=float)
     semi_axes = np.asarray(semi_axes, dtype=float)
+    if not np.linalg.norm(position / semi_axes) > 1:
+        raise ValueError("position is inside the Earth: give metres from its centre")
+    if not abs(np.linalg.norm(sun) - 1) < 1e-6:
+        raise ValueError(
+            f"sun is no unit vector, its length {np.linalg.norm(sun):.4g}: divide by it"
+        )
     seen = find_sun(image, camera)
     size = np.linalg.norm(position)
     limb = find_limb(image, camera, seen.direction, _expected(size, semi_axes.mean()))

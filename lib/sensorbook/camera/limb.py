@@ -414,13 +414,15 @@ def _gradient_noise(image: np.ndarray) -> float:
     """Standard deviation of one component of the smoothed gradient, DN a pixel, from the image itself.
 
     From differences of neighbours, which pictures have few of; a clipped dark sky has less than its own
-    noise, so that a floor of 1 DN a pixel is kept.
+    noise, so that a floor of 1 DN a pixel is kept. Where nearly all neighbours are equal there is none, and
+    the few differences are the edges themselves.
     """
     thin = image[::4].astype(np.float32)
     pairs = np.abs(np.diff(thin, axis=1))
-    single = max(
-        1.4826 * float(np.median(pairs[pairs > 0])) / np.sqrt(2) if (pairs > 0).any() else 1, 1.0
-    )
+    unequal = pairs[pairs > 0]
+    single = 1.0
+    if len(unequal) > 0.05 * pairs.size:
+        single = max(1.4826 * float(np.median(unequal)) / np.sqrt(2), 1.0)
     return single * _GRADIENT
 
 
