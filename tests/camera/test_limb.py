@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sensorbook.camera.limb import cone, find_edges, find_limb, fit_limb
+from sensorbook.camera.edges import find_edges
+from sensorbook.camera.limb import cone, find_limb, fit_limb
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS, Scene, render, texture
 
