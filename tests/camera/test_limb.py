@@ -124,6 +124,21 @@ def test_the_terminator_is_rejected():
     assert np.degrees(np.arccos(limb.direction @ down)) < 0.05
 
 
+def test_a_thin_crescent():
+    """The Sun 25° from the nadir: four pixels are lit, of an Earth 80 wide."""
+    camera = Camera(640, 480, 369.5)
+    down = unit([0.1, -0.2, 1])
+    sun = Rotation.from_rotvec(np.radians(25) * unit(np.cross(down, [1, 0, 0.2]))).apply(down)
+    scene = Scene(-(EARTH_RADIUS + 35_786e3) * down, sun, lit="lambert")
+    image = render(camera, scene, np.eye(3), np.random.default_rng(72))
+    rho = np.arcsin(EARTH_RADIUS / (EARTH_RADIUS + 35_786e3))
+    limb = find_limb(image, camera, sun, (rho, 1e-4))
+    assert limb.status == "ok"
+    assert limb.scale == 1
+    # Two thirds of a pixel where limb and darkness are that near to each other.
+    assert np.degrees(np.arccos(limb.direction @ down)) < 0.1
+
+
 def test_edges_of_clouds_are_rejected():
     down, sun = unit([0.1, 0.1, 1]), unit([0.6, 0.2, -0.6])
     image = shot(down, sun, 67, lit="lambert", texture=texture(5, rows=256))
@@ -233,6 +248,13 @@ def test_images_without_a_limb(image, statuses):
 def test_arrays_that_are_no_image(image, message):
     with pytest.raises(ValueError, match=message):
         find_limb(image, CAMERA)
+
+
+def test_more_edges_than_opencv_takes_at_once():
+    """38 000 of them: stripes of eight pixels."""
+    stripes = np.tile(np.repeat([0, 200], 8), (480, 40)).astype(np.uint8)
+    limb = find_limb(stripes, CAMERA)
+    assert limb.status in ("Earth not in view", "no limb among the edges")
 
 
 def test_the_same_image_gives_the_same_limb():
