@@ -115,6 +115,12 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
     along = np.arange(-_PROFILE, _INSIDE + 1.0)
     places = edges.pixels[:, None] + along[:, None] * edges.inward[:, None]
     values = _sample(smooth, places.reshape(-1, 2)).reshape(len(places), -1)
+    # Beyond the brightest place of a thin crescent, or of a cloud, the profile says nothing of the limb.
+    base, top = values[:, :3].mean(axis=-1), values.max(axis=-1)
+    thin = values[:, -1] - base < 0.5 * (top - base)
+    beyond = np.arange(len(along)) > values.argmax(axis=-1)[:, None] + 1
+    seen = ~(thin[:, None] & beyond)
+    values = values * seen
     place = np.zeros(len(values))
     spread = np.sqrt(
         _PROFILE_BLUR**2 + 1 / 12 + 1 / 6
@@ -122,13 +128,14 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
     for _ in range(8):
         u = (along - place[:, None]) / spread
         step, root = ndtr(u), np.interp(u, _TABLE, _ROOT)
-        basis = np.stack([np.ones_like(u), step, root], axis=-1)
+        basis = np.stack([np.ones_like(u), step, root], axis=-1) * seen[..., None]
         square = np.swapaxes(basis, -1, -2) @ basis + 1e-9 * np.eye(3)
         heights = np.linalg.solve(square, np.swapaxes(basis, -1, -2) @ values[..., None])[..., 0]
         model = (basis @ heights[..., None])[..., 0]
         slope = (
             -(heights[:, 1:2] * _bell(u) + heights[:, 2:] * np.interp(u, _TABLE, _ROOT_SLOPE))
             / spread
+            * seen
         )
         # What of the slope the heights cannot take over (variable projection).
         own = np.linalg.solve(square, np.swapaxes(basis, -1, -2) @ slope[..., None])
@@ -140,7 +147,7 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
     grain = noise / (2 * np.sqrt(np.pi) * _PROFILE_BLUR)
     # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
     # ground's own pattern is in it.
-    misfit = np.maximum(((values - model) ** 2).mean(axis=-1) / grain**2, 1.0)
+    misfit = np.maximum(((values - model) ** 2).sum(axis=-1) / seen.sum(axis=-1) / grain**2, 1.0)
     sigma = np.hypot(
         _LEAST_SIGMA, grain * np.sqrt(misfit * _PROFILE_BLUR * 3.5 / np.maximum(size, 1e-9))
     )
