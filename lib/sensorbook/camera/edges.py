@@ -91,7 +91,8 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
     grain = noise * _SMOOTHED / _GRADIENT
     some = smooth[::8, ::8]
     dark = float(np.median(some[some <= np.percentile(some, 2) + 4 * grain]))
-    inside = _sample(smooth, pixels + 3.0 * inward)
+    # A thin crescent is brightest, and dark again, sooner.
+    inside = np.maximum(*(_sample(smooth, pixels + k * inward) for k in (1.5, 3.0)))
     good = inside > dark + 5 * grain
     for away, part in _OUTSIDE:
         allowed = dark + np.maximum(4 * grain, part * (inside - dark))
