@@ -22,6 +22,9 @@ EARTH_RATE = 7.292115e-5  # rad/s, WGS 84 (NIMA TR8350.2, table 3.1)
 FIELD_STD = 0.14e-6  # T, WMM2025's error model for the strength; mostly the crust's own field
 LEAST_FIELD, LARGEST_FIELD = 22e-6, 67e-6  # T, on the Earth's surface (WMM2025 report, F)
 FIELD_YEARS = (1900, 2030)  # of IGRF-14
+SPACE_FIELD = (
+    0.1e-6  # T, of currents in the ionosphere and beyond, without storms: at most, in orbit
+)
 
 EQUATOR_RADIUS = 6378137.0  # m, WGS 84
 GRAVITATION = 3.986004418e14  # m³/s², WGS 84 with the atmosphere (NIMA TR8350.2, table 3.1)

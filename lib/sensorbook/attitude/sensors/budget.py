@@ -14,6 +14,7 @@ import numpy as np
 
 from sensorbook.attitude.rotations import axis_rotation
 from sensorbook.attitude.sensors import conical, horizon, magnetic, star, sun
+from sensorbook.earth import SPACE_FIELD
 
 ARCSECOND, ARCMINUTE, DEGREE = np.pi / 648000, np.pi / 10800, np.pi / 180
 SEMI_AXES = (6378137.0, 6378137.0, 6356752.314)  # m, WGS 84
@@ -108,7 +109,11 @@ CONTRIBUTIONS = (
         "assumed: detector noise over the limb's slope",
     ),
     Contribution(
-        "magnetometer", "field model", 0.1, "µT", "bound of the IGRF in low orbit, without storms"
+        "magnetometer",
+        "field model",
+        1e6 * SPACE_FIELD,
+        "µT",
+        "bound of the IGRF in low orbit, without storms",
     ),
     Contribution("magnetometer", "bias", 0.2, "µT", "assumed: the satellite's own magnets"),
     Contribution("magnetometer", "noise", 0.02, "µT", "assumed: a magnetoresistive sensor"),
