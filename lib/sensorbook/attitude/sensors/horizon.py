@@ -53,8 +53,24 @@ MOST_MISFIT = np.radians(1.0)  # without `sigma`; oblateness and weather make 0.
 _TIED = 1e-9  # of the solutions' z components; what is less is rounding
 
 
+class Nadir:
+    """Roll and pitch of what has a `nadir` (…, 3) in body axes (3.9)."""
+
+    nadir: np.ndarray
+
+    @property
+    def roll(self) -> np.ndarray:
+        """φ, rad, −π to π."""
+        return np.arctan2(self.nadir[..., 1], self.nadir[..., 2])
+
+    @property
+    def pitch(self) -> np.ndarray:
+        """θ, rad, −π/2 to π/2."""
+        return -np.arctan2(self.nadir[..., 0], np.hypot(self.nadir[..., 1], self.nadir[..., 2]))
+
+
 @dataclass(frozen=True)
-class HorizonFix:
+class HorizonFix(Nadir):
     """What a horizon sensor determines.
 
     Attributes
@@ -88,16 +104,6 @@ class HorizonFix:
     height_std: np.ndarray | None
     reasons: np.ndarray
     unobservable: str = UNOBSERVABLE
-
-    @property
-    def roll(self) -> np.ndarray:
-        """φ, rad, −π to π."""
-        return np.arctan2(self.nadir[..., 1], self.nadir[..., 2])
-
-    @property
-    def pitch(self) -> np.ndarray:
-        """θ, rad, −π/2 to π/2."""
-        return -np.arctan2(self.nadir[..., 0], np.hypot(self.nadir[..., 1], self.nadir[..., 2]))
 
 
 def tilted(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike = 0.0) -> np.ndarray:

@@ -20,6 +20,16 @@ REASONS = (
     "the reading is no finite number",
     "no field is left after the bias: it has no direction",
 )
+DIPOLE = (
+    29.4e-6  # T, of the Earth's dipole at the equator's surface (IGRF-14, 2025: −g₁⁰ is 29.35 µT)
+)
+_RADIUS = 6371.2e3  # m, the IGRF's reference sphere
+
+
+def greatest_height() -> float:
+    """Height, m, up to which currents in space, `earth.SPACE_FIELD`, stay below a tenth of the dipole's
+    field at the equator: above it the IGRF is no reference."""
+    return _RADIUS * float((DIPOLE / (10 * earth.SPACE_FIELD)) ** (1 / 3) - 1)
 
 
 @dataclass(frozen=True)

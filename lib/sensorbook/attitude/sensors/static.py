@@ -18,7 +18,14 @@ from sensorbook.attitude.sensors.conical import (
     angular_radius,
     check_attitude,
 )
-from sensorbook.attitude.sensors.horizon import AGREE, UNOBSERVABLE, blank, check_sigma, closed
+from sensorbook.attitude.sensors.horizon import (
+    AGREE,
+    UNOBSERVABLE,
+    Nadir,
+    blank,
+    check_sigma,
+    closed,
+)
 
 REASONS = (
     "",
@@ -93,7 +100,7 @@ class StaticSensor:
 
 
 @dataclass(frozen=True)
-class StaticFix:
+class StaticFix(Nadir):
     """What four signals determine.
 
     Attributes
@@ -117,16 +124,6 @@ class StaticFix:
     information: np.ndarray | None
     reasons: np.ndarray
     unobservable: str = UNOBSERVABLE
-
-    @property
-    def roll(self) -> np.ndarray:
-        """φ, rad."""
-        return np.arctan2(self.nadir[..., 1], self.nadir[..., 2])
-
-    @property
-    def pitch(self) -> np.ndarray:
-        """θ, rad."""
-        return -np.arctan2(self.nadir[..., 0], np.hypot(self.nadir[..., 1], self.nadir[..., 2]))
 
 
 def signals(
