@@ -16,7 +16,6 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # before numpy
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude import triad
 from sensorbook.attitude.rotations import error_vector
@@ -24,11 +23,11 @@ from sensorbook.camera.attitude import attitude_from_image
 from sensorbook.camera.baseline import baseline
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS, HEIGHTS, WGS84, Scene, render, texture
+from sensorbook.camera.study import draw
 
 CAMERA = Camera(1280, 720, 369.5)
 GOALS = {"leo": 0.05, "meo": 0.04, "geo": 0.04}  # degrees, mean of the whole angle
 PRINTED = {"leo": (11.56, 9.18, 14.12), "meo": (0.586, 0.539, 0.549), "geo": (0.327, 0.440, 0.432)}
-LIT = 0.15  # least cosine of the Sun's angle on limb that counts as lit
 
 
 def main() -> None:
@@ -53,7 +52,7 @@ def main() -> None:
 def study(orbit: str, name: str, look: dict, frames: int, rng: np.random.Generator) -> None:
     ours, theirs, took = [], [], []
     for _ in range(frames):
-        position, sun, attitude = draw(rng, HEIGHTS[orbit])
+        position, sun, attitude = draw(rng, HEIGHTS[orbit], CAMERA)
         image = render(CAMERA, Scene(position, sun, **look), attitude, rng)
         began = time.perf_counter()
         found = attitude_from_image(
@@ -80,28 +79,6 @@ def study(orbit: str, name: str, look: dict, frames: int, rng: np.random.Generat
         print(
             f"  work C's chain: mean about the axes {means}° ({len(theirs)} frames; C prints {printed})"
         )
-
-
-def draw(rng: np.random.Generator, height: float):
-    """A place (3,), m, the Sun's direction (3,), inertial, and an attitude (3, 3) that sees both."""
-    radius = EARTH_RADIUS
-    while True:
-        down, sun = rng.normal(size=(2, 3))
-        down, sun = down / np.linalg.norm(down), sun / np.linalg.norm(sun)
-        size = np.arcsin(radius / (radius + height))
-        if np.arccos(down @ sun) < size + np.radians(2):
-            continue
-        attitude = Rotation.random(rng=rng).as_matrix()
-        if not CAMERA.sees(attitude @ sun, 5):
-            continue
-        side = np.cross(down, [1, 0, 0.3])
-        side /= np.linalg.norm(side)
-        around = np.linspace(0, 2 * np.pi, 360, endpoint=False)[:, None]
-        across = np.cos(around) * side + np.sin(around) * np.cross(down, side)
-        limb = np.cos(size) * down + np.sin(size) * across
-        ground = (np.cos(size) * limb - down) / np.sin(size)  # its normals there
-        if (CAMERA.sees(limb @ attitude.T) & (ground @ sun > LIT)).sum() >= 20:
-            return -down * (radius + height), sun, attitude
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude.rotations import error_vector
 from sensorbook.camera.attitude import attitude_from_image
@@ -16,6 +15,7 @@ from sensorbook.camera.scene import (
     render,
     texture,
 )
+from sensorbook.camera.study import draw
 
 CAMERA = Camera(1280, 720, 369.5)  # C, table 4.2
 SPHERE = (EARTH_RADIUS,) * 3
@@ -29,25 +29,6 @@ LOOKS = {
 
 def unit(vector):
     return np.asarray(vector) / np.linalg.norm(vector)
-
-
-def draw(rng, height, camera=CAMERA):
-    """A place, the Sun and an attitude whose camera sees the Sun and 20° of well-lit limb."""
-    distance = EARTH_RADIUS + height
-    size = np.arcsin(EARTH_RADIUS / distance)
-    around = np.linspace(0, 2 * np.pi, 360, endpoint=False)[:, None]
-    while True:
-        down, sun = unit(rng.normal(size=3)), unit(rng.normal(size=3))
-        attitude = Rotation.random(rng=rng).as_matrix()
-        to_camera = camera.to_body.T @ attitude
-        if np.arccos(down @ sun) < size + np.radians(2) or not camera.sees(to_camera @ sun, 5):
-            continue
-        side = unit(np.cross(down, [1, 0, 0.3]))
-        across = np.cos(around) * side + np.sin(around) * np.cross(down, side)
-        limb = np.cos(size) * down + np.sin(size) * across
-        normal = (np.cos(size) * limb - down) / np.sin(size)
-        if (camera.sees(limb @ to_camera.T) & (normal @ sun > 0.15)).sum() >= 20:
-            return -distance * down, sun, attitude
 
 
 def study(height, look, frames, seed, camera=CAMERA):

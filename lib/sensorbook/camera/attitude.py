@@ -42,8 +42,9 @@ def attitude_from_image(
     position: ArrayLike,
     sun: ArrayLike,
     semi_axes: ArrayLike = (EARTH_RADIUS,) * 3,
+    sun_view: tuple[np.ndarray, Camera] | None = None,
 ) -> ImageAttitude:
-    """The attitude of a body whose camera sees Earth and Sun.
+    """The attitude of a body whose camera sees Earth and Sun, or of one with a camera for each.
 
     Parameters
     ----------
@@ -51,6 +52,7 @@ def attitude_from_image(
     position : (3,), m, of the satellite from the Earth's centre, inertial
     sun : (3,), unit vector from the satellite to the Sun, inertial
     semi_axes : (3,), m, of the Earth along the inertial axes
+    sun_view : image and camera that look for the Sun at the same time, where it has its own
     """
     position, sun = np.asarray(position, dtype=float), np.asarray(sun, dtype=float)
     semi_axes = np.asarray(semi_axes, dtype=float)
@@ -60,16 +62,25 @@ def attitude_from_image(
         raise ValueError(
             f"sun is no unit vector, its length {np.linalg.norm(sun):.4g}: divide by it"
         )
-    seen = find_sun(image, camera)
     size = np.linalg.norm(position)
-    limb = find_limb(image, camera, seen.direction, _expected(size, semi_axes.mean()))
+    sun_camera = camera if sun_view is None else sun_view[1]
+    seen = find_sun(*(sun_view or (image, camera)))
+    to_sun = None if seen.direction is None else sun_camera.to_body @ seen.direction
+    limb = find_limb(
+        image,
+        camera,
+        None if to_sun is None else camera.to_body.T @ to_sun,
+        _expected(size, semi_axes.mean()),
+    )
     missing = [what.status for what in (seen, limb) if what.status != "ok"]
     if missing:
         return ImageAttitude(seen, limb, None, None, "no solution: " + ", ".join(missing))
     down = -position / size
-    measured = np.array([limb.direction, seen.direction]) @ camera.to_body.T
+    measured = np.array([camera.to_body @ limb.direction, to_sun])
     first = two_vector(measured, [down, sun], sigma=[max(limb.std, 1e-6), seen.std])
-    matrix, covariance = _joint(first.matrix, limb, seen, camera, position, sun, semi_axes)
+    matrix, covariance = _joint(
+        first.matrix, limb, camera, to_sun, seen.std, position, sun, semi_axes
+    )
     return ImageAttitude(seen, limb, matrix, covariance, "ok")
 
 
@@ -79,7 +90,7 @@ def _expected(distance: float, radius: float) -> tuple[float, float]:
     return float(np.arcsin(sine)), float(HAZE_STD / distance / np.sqrt(1 - sine**2))
 
 
-def _joint(matrix, limb, seen, camera, position, sun, semi_axes):
+def _joint(matrix, limb, camera, to_sun, sun_std, position, sun, semi_axes):
     """Attitude and the height of the haze together, from limb and Sun: matrix (3, 3), covariance (3, 3).
 
     A short arc of limb leaves the direction to the centre and the radius nearly one; the Sun's known
@@ -88,7 +99,6 @@ def _joint(matrix, limb, seen, camera, position, sun, semi_axes):
     """
     rays = limb.rays[limb.used] @ camera.to_body.T
     across = limb.across[limb.used] @ camera.to_body.T
-    to_sun = camera.to_body @ seen.direction
     sides = _across(to_sun)
     height = HAZE
 
@@ -99,7 +109,7 @@ def _joint(matrix, limb, seen, camera, position, sun, semi_axes):
         depth = _depth(rays @ turned, place, axes)
         ahead = _depth((rays + 1e-3 * across) @ turned, place, axes)
         slope = (ahead - depth) * 1e3
-        return depth / slope / limb.sigma[limb.used], sides @ (turned @ sun - to_sun) / seen.std
+        return depth / slope / limb.sigma[limb.used], sides @ (turned @ sun - to_sun) / sun_std
 
     for _ in range(6):
         base = misfits(matrix, height)

@@ -59,8 +59,8 @@ class Camera:
 
     @classmethod
     def of(cls, table: Mapping) -> Camera:
-        """The camera that a `[camera]` table of device.toml declares; its `sees` is not the camera's."""
-        own = {key: value for key, value in table.items() if key != "sees"}
+        """The camera that a `[camera]` table of device.toml declares, less what it says of the scene."""
+        own = {key: value for key, value in table.items() if key not in ("sees", "earth_radius")}
         if "to_body" in own:
             own["to_body"] = np.array(own["to_body"], dtype=float)
         for key in ("principal_point", "distortion"):

@@ -125,6 +125,8 @@ _CAMERA: Checks = {
     "distortion": checks.numbers(tuple(range(9)), "a list of up to eight numbers"),
     "sees": checks.one_of("earth", "sun", "both"),
     "to_body": checks.rotation,
+    # m, of a spherical Earth, as simulators have it; WGS 84 where it is left out.
+    "earth_radius": checks.number(1e6, 1e8, "6371000.0"),
 }
 _CAMERA_NEEDS = ("width", "height", "focal_px")
 _COLUMNS = ("time", "x", "y", "z", "w", "temperature", "segment")
