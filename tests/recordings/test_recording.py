@@ -334,7 +334,9 @@ def test_images_are_listed_by_name_with_their_poses(folder):
     )
     images = sensorbook.load(path).camera.images
     assert images.names == ("images/a.png", "images/b.png")
-    assert list(images.poses["image"]) == ["a.png", "b.png"]
+    assert images.poses["images/b.png"].position.tolist() == [0, 7e6, 0]
+    assert images.poses["images/a.png"].time == np.datetime64("2024-05-01")
+    assert images.poses["images/a.png"].quaternion is None
     assert json.loads(json.dumps(images.provenance()))["samples"] == 2
 
 

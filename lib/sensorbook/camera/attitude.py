@@ -70,7 +70,7 @@ def attitude_from_image(
         image,
         camera,
         None if to_sun is None else camera.to_body.T @ to_sun,
-        _expected(size, semi_axes.mean()),
+        expected_radius(size, semi_axes.mean()),
     )
     missing = [what.status for what in (seen, limb) if what.status != "ok"]
     if missing:
@@ -84,10 +84,13 @@ def attitude_from_image(
     return ImageAttitude(seen, limb, matrix, covariance, "ok")
 
 
-def _expected(distance: float, radius: float) -> tuple[float, float]:
-    """Angular radius of a limb at the usual height of haze, rad, and how far it may be off."""
-    sine = (radius + HAZE) / distance
-    return float(np.arcsin(sine)), float(HAZE_STD / distance / np.sqrt(1 - sine**2))
+def expected_radius(distance: float, radius: float) -> tuple[float, float]:
+    """Angular radius of a limb at the usual height of haze, rad, and how far it may be off.
+
+    Seen from `distance` to the centre of an Earth of mean `radius`, both m.
+    """
+    sine = min((radius + HAZE) / distance, 1.0)
+    return float(np.arcsin(sine)), float(HAZE_STD / distance / np.sqrt(max(1 - sine**2, 1e-6)))
 
 
 def _joint(matrix, limb, camera, to_sun, sun_std, position, sun, semi_axes):

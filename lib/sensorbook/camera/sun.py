@@ -68,6 +68,8 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     if not found:
         return Sun(None, None, None, "Sun not in view")
     area, blob = max(found)
+    if sum(other > 0.5 * area for other, _ in found) > 1:
+        return Sun(None, None, None, "Sun not told from other bright spots")
     x, y, width, height, _ = stats[blob]
     left, top = max(x - 2, 0), max(y - 2, 0)
     patch = image[top : y + height + 2, left : x + width + 2].astype(float)

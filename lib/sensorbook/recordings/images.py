@@ -11,6 +11,7 @@ from pathlib import Path
 
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.paths import resolve
+from sensorbook.recordings.poses import Pose, read_poses
 from sensorbook.recordings.recording import Finding, html_table, plain
 from sensorbook.recordings.schema import FILE, Declared
 from sensorbook.recordings.tables import open_table
@@ -29,7 +30,7 @@ class Images:
     names : names of the images, relative to the device folder, sorted
     paths : where they are, in the same order
     camera : the `camera` table as declared
-    poses : columns of the poses file by name (image, time, x, y, z, qx, qy, qz, qw), or None
+    poses : `Pose` by image name, of the images that the poses file has; {} where there is none
     sha256 : over all images in order
     """
 
@@ -39,7 +40,7 @@ class Images:
     names: tuple[str, ...]
     paths: tuple[Path, ...]
     camera: Mapping
-    poses: Mapping | None = None
+    poses: Mapping[str, Pose] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     sha256: str = ""
     declaration: Mapping = field(default_factory=dict)
@@ -93,9 +94,21 @@ def read_images(declared: Declared, folder: Path) -> Images:
                 digest.update(chunk)
     if problems:
         raise InputError(*problems)
-    poses = None
-    if "poses" in declared.table:
-        poses = _poses(declared, folder)
+    poses: Mapping[str, Pose] = {}
+    findings = []
+    if poses_file := declared.table.get("poses"):
+        table = open_table(resolve(folder, poses_file, f"{declared.label}: poses"), poses_file)
+        poses = read_poses(table, names)
+        if lacking := [name for name in names if name not in poses]:
+            findings.append(
+                Finding(
+                    poses_file,
+                    "image",
+                    "pose",
+                    f"{len(lacking)} of {len(names)} images have no row here, {lacking[0]} first",
+                    "name them by their path in the device folder, or its last part",
+                )
+            )
     return Images(
         sensor="camera",
         kind="images",
@@ -104,6 +117,7 @@ def read_images(declared: Declared, folder: Path) -> Images:
         paths=paths,
         camera=declared.table["camera"],
         poses=poses,
+        findings=tuple(findings),
         sha256=digest.hexdigest(),
         declaration=declared.table,
     )
@@ -122,10 +136,3 @@ def _declared_pixels(path: Path) -> int:
         return 2 * (Image.MAX_IMAGE_PIXELS or MAX_PIXELS)
     except (OSError, ValueError, SyntaxError):  # whoever reads it will say what is wrong
         return 0
-
-
-def _poses(declared: Declared, folder: Path) -> dict:
-    name = declared.table["poses"]
-    table = open_table(resolve(folder, name, f"{declared.label}: poses"), name)
-    table.column("image")  # raises, saying which columns there are
-    return {column: table.column(column) for column in table.names if column}
