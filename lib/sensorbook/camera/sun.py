@@ -13,8 +13,9 @@ SUN_RADIUS = 0.004652  # rad, from 1 AU (IAU 2015: 695 700 km over 149 597 871 k
 _BRIGHT = (
     0.94  # of the largest value an image can hold: the Sun saturates every camera that sees ground
 )
-_MOST_BLOBS = 50
+_MOST_BLOBS = 300
 _LEAST_AREA = 0.3  # of its disc: a rim of a pixel's width does not saturate
+_LIKE = 0.25  # of the Sun's area: a second spot as large leaves it open which is the Sun
 _STD = 0.03  # pixels
 _MOST_AREA, _MOST_LENGTH = 4.0, 2.5  # of what the Sun's disc would have: a lens spreads it somewhat
 
@@ -46,7 +47,7 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     image = grey(image, camera)
     bright = (image >= _BRIGHT * 255).astype(np.uint8)
     _, _, stats, middles = cv2.connectedComponentsWithStats(bright, connectivity=8)
-    found = []
+    spots, found = [], []
     # The largest ones: noise may lift thousands of single pixels of bright ground over the bound.
     for blob in 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:_MOST_BLOBS]:
         x, y, width, height, area = stats[blob]
@@ -58,17 +59,18 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
             _MOST_LENGTH * 2 * max(long, 1) + 2
         ):
             continue
-        # Hot pixels are fewer than those that the disc covers wholly.
-        if area < _LEAST_AREA * np.pi * long * wide and not _at_edge(stats[blob], image):
-            continue
         around = _ring(image, x, y, width, height)
         # Space around it on most sides; the limb may be near.
-        if around.size and np.mean(around < 0.5 * _BRIGHT * 255) > 0.6:
+        if not (around.size and np.mean(around < 0.5 * _BRIGHT * 255) > 0.6):
+            continue
+        spots.append(area)
+        # Hot pixels are fewer than those that the disc covers wholly.
+        if area >= _LEAST_AREA * np.pi * long * wide or _at_edge(stats[blob], image):
             found.append((area, blob))
     if not found:
         return Sun(None, None, None, "Sun not in view")
     area, blob = max(found)
-    if sum(other > 0.5 * area for other, _ in found) > 1:
+    if sum(other > _LIKE * area for other in spots) > 1:
         return Sun(None, None, None, "Sun not told from other bright spots")
     x, y, width, height, _ = stats[blob]
     left, top = max(x - 2, 0), max(y - 2, 0)
