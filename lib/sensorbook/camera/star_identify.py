@@ -1,0 +1,225 @@
+"""Which star is which, without any idea of the attitude: the pyramid of Mortari and others (2004).
+
+Angles between stars are all there is to go by. Three spots whose three angles, and whose sense of rotation,
+are those of three catalogue stars are a guess at the attitude; what else it puts on a spot confirms it. How
+many confirmations are enough is reckoned from chance (Mortari, Samaan, Bruccoleri and Junkins 2004,
+Navigation 51, 171, for even skies): a guess is believed where chance would make one as good in fewer than one
+image in a million.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+from scipy.stats import poisson
+
+from sensorbook.attitude import davenport
+from sensorbook.camera.model import Camera
+
+LEAST = 4  # stars: three make a guess, and one confirms it
+LIMIT = 1e-6  # expected false solutions an image
+REACH = 4.0  # standard errors that angles and places may be off
+_TRIED = 20  # the brightest spots of which triangles are made
+_MOST_PAIRS = 8_000_000
+_LEAST_SINE = 0.1  # of a triangle's angles: in a flatter one the sense of rotation is not certain
+FEW, NONE, AMBIGUOUS = "fewer than 4 stars", "no match", "ambiguous"
+
+
+@dataclass(frozen=True, eq=False)
+class StarTable:
+    """A catalogue made ready for one camera: all pairs of stars that fit into its field, by their angle.
+
+    Attributes
+    ----------
+    directions : (N, 3), unit vectors, inertial
+    angles : (P,), rad, ascending
+    pairs : (P, 2), their stars
+    tree : of the directions
+    """
+
+    directions: np.ndarray
+    angles: np.ndarray
+    pairs: np.ndarray
+    tree: cKDTree
+
+    @classmethod
+    def of(cls, directions: ArrayLike, camera: Camera) -> StarTable:
+        """From unit vectors (N, 3) of a catalogue's stars, as they are seen, and the camera."""
+        directions = np.asarray(directions, dtype=float)
+        if directions.ndim != 2 or directions.shape[1:] != (3,) or len(directions) < LEAST:
+            raise ValueError(
+                f"directions of shape {directions.shape}: give (N, 3), 4 stars or more"
+            )
+        if not (np.abs(np.linalg.norm(directions, axis=-1) - 1) < 1e-6).all():
+            raise ValueError("directions: one is no unit vector; divide each by its length")
+        corners = camera.grid[[0, 0, -1, -1], [0, -1, 0, -1]]
+        widest = np.sqrt(((corners[:, None] - corners) ** 2).sum(axis=-1)).max()
+        tree = cKDTree(directions)
+        count = (tree.count_neighbors(tree, widest) - len(directions)) // 2
+        if count > _MOST_PAIRS:
+            raise ValueError(
+                f"{len(directions)} stars make {count} pairs in the field: shorten the catalogue"
+            )
+        pairs = tree.query_pairs(widest, output_type="ndarray")
+        angles = _angle(directions[pairs[:, 0]], directions[pairs[:, 1]])
+        order = np.argsort(angles)
+        return cls(directions, angles[order], pairs[order], tree)
+
+    def alike(self, angle: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of stars, in both orders, as far apart as `angle` within `tolerance`, rad; by the first."""
+        low, high = np.searchsorted(self.angles, [angle - tolerance, angle + tolerance])
+        found = self.pairs[low:high]
+        first, second = np.concatenate([found, found[:, ::-1]]).T
+        order = np.argsort(first, kind="stable")
+        return first[order], second[order]
+
+
+@dataclass(frozen=True, eq=False)
+class Identity:
+    """Which stars the spots are.
+
+    Attributes
+    ----------
+    stars : (K,), row in the catalogue, −1 for none
+    status : "ok", or why there is no solution
+    chance : expected number of false solutions as good as this one, in one image
+    triangles : how many were tried
+    """
+
+    stars: np.ndarray
+    status: str
+    chance: float
+    triangles: int
+
+
+def identify(rays: np.ndarray, std: np.ndarray, table: StarTable) -> Identity:
+    """Names spots by the catalogue.
+
+    Parameters
+    ----------
+    rays : (K, 3), unit vectors to the spots, in any axes, the surest or brightest first
+    std : (K,), rad, standard error of each across itself
+    """
+    rays, std = np.asarray(rays, dtype=float), np.asarray(std, dtype=float)
+    none = np.full(len(rays), -1)
+    if len(rays) < LEAST:
+        return Identity(none, FEW, 1.0, 0)
+    tried = min(len(rays), _TRIED)
+    angle = _angle(rays[:tried, None], rays[None, :tried])
+    tolerance = REACH * np.hypot(std[:tried, None], std[None, :tried])
+    known: dict[tuple[int, int], tuple] = {}
+    expected, triangles = 0.0, 0
+    for triple in _triples(tried):
+        sine = _sines(rays[list(triple)])
+        if sine.min() < _LEAST_SINE:
+            continue
+        triangles += 1
+        expected += _by_chance(len(table.directions), triple, angle, tolerance, sine)
+        for i, j in ((0, 1), (0, 2)):
+            pair = triple[i], triple[j]
+            if pair not in known:
+                known[pair] = table.alike(angle[pair], tolerance[pair])
+        guesses = _guesses(rays, triple, angle, tolerance, known, table)
+        if not len(guesses):
+            continue
+        trials = [_confirmed(rays, std, triple, guess, table) for guess in guesses]
+        chances = [min(expected, 1.0) * tail for _, tail in trials]
+        good = [k for k, chance in enumerate(chances) if chance < LIMIT]
+        if len({tuple(guesses[k]) for k in good}) > 1:
+            return Identity(none, AMBIGUOUS, max(chances[k] for k in good), triangles)
+        if good:
+            return Identity(trials[good[0]][0], "ok", chances[good[0]], triangles)
+    return Identity(none, NONE, 1.0, triangles)
+
+
+def nearest(
+    rays: np.ndarray, matrix: np.ndarray, reach: np.ndarray, table: StarTable
+) -> np.ndarray:
+    """The catalogue's star (K,) within `reach` (K,), rad, of each spot at an attitude; −1 for none.
+
+    Where two spots have the same nearest star, the nearer one has it.
+    """
+    distance, star = table.tree.query(rays @ matrix)
+    star = np.where(distance < reach, star, -1)
+    for k in np.argsort(-distance, kind="stable"):
+        if star[k] >= 0 and (star == star[k]).sum() > 1:
+            star[k] = -1
+    return star
+
+
+def expected_false_triangles(stars: int, rays: ArrayLike, tolerance: ArrayLike) -> float:
+    """How many triples of an even sky's stars have the angles of three spots, and their sense, by chance.
+
+    N choices for the first star; N sin θ τ in a ring around it for the second; for the third N/4π times the
+    area where two rings cross, 4 τ τ/sin γ. `tolerance` (3,) are τ₁₂, τ₁₃, τ₂₃, rad.
+    """
+    rays, tolerance = np.asarray(rays, dtype=float), np.asarray(tolerance, dtype=float)
+    side = np.sin(_angle(rays[0], rays[1]))
+    return float(stars**3 * side * tolerance.prod() / (np.pi * _sines(rays)[2]))
+
+
+def _by_chance(stars, triple, angle, tolerance, sine) -> float:
+    i, j, k = triple
+    spread = tolerance[i, j] * tolerance[i, k] * tolerance[j, k]
+    return float(stars**3 * np.sin(angle[i, j]) * spread / (np.pi * sine[2]))
+
+
+def _triples(count: int) -> Iterator[tuple[int, int, int]]:
+    """All triples, in an order that does not stay with one spot for long, as it may be false."""
+    for first in range(1, count - 1):
+        for second in range(1, count - first):
+            for i in range(count - first - second):
+                yield i, i + first, i + first + second
+
+
+def _guesses(rays, triple, angle, tolerance, known, table) -> np.ndarray:
+    """Triples of stars (G, 3) with the three angles and the sense of rotation of a triple of spots."""
+    i, j, k = triple
+    first, second = known[i, j]
+    same, third = known[i, k]
+    start, stop = np.searchsorted(same, first), np.searchsorted(same, first, side="right")
+    count = stop - start
+    # Every pair of the first list with every pair of the second that begins with the same star.
+    one = np.repeat(np.arange(len(first)), count)
+    other = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + start[one]
+    a, b, c = first[one], second[one], third[other]
+    d = table.directions
+    fits = (b != c) & (np.abs(_angle(d[b], d[c]) - angle[j, k]) < tolerance[j, k])
+    a, b, c = a[fits], b[fits], c[fits]
+    sense = np.linalg.det(np.stack([d[a], d[b], d[c]], axis=1)) if len(a) else np.zeros(0)
+    return np.stack([a, b, c], axis=-1)[sense * np.linalg.det(rays[list(triple)]) > 0]
+
+
+def _confirmed(rays, std, triple, guess, table) -> tuple[np.ndarray, float]:
+    """The spots' stars (K,) by a guess, and how likely chance confirms as many; 1 where it does not hold."""
+    three = list(triple)
+    found = davenport(rays[three], table.directions[guess], sigma=std[three])
+    # A spot errs by itself and by the guess, at most as the worst axis of it.
+    guess_std = np.sqrt(np.linalg.eigvalsh(found.covariance)[-1])
+    away = np.sin(_angle(rays[:, None], rays[None, three])).max(axis=1)  # from the triangle
+    best = np.sqrt(np.median(np.linalg.eigvalsh(found.covariance)))
+    reach = REACH * np.sqrt(std**2 + best**2 + (guess_std * away) ** 2)
+    stars = nearest(rays, found.matrix, reach, table)
+    if (stars[three] != guess).any():
+        return stars, 1.0
+    rest = np.delete(np.arange(len(rays)), three)
+    more = int((stars[rest] >= 0).sum())
+    mean = len(table.directions) * (1 - np.cos(reach[rest])).sum() / 2
+    return stars, float(poisson.sf(more - 1, mean)) if more else 1.0
+
+
+def _angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Angle, rad, between unit vectors (…, 3), right for small ones too."""
+    return 2 * np.arcsin(np.minimum(np.sqrt(((one - other) ** 2).sum(axis=-1)) / 2, 1.0))
+
+
+def _sines(three: np.ndarray) -> np.ndarray:
+    """Sines (3,) of a triangle's angles at its corners (3, 3), unit vectors."""
+    volume = abs(np.linalg.det(three))
+    side = [np.sin(_angle(three[m], three[n])) for m, n in ((1, 2), (0, 2), (0, 1))]
+    across = np.array([side[1] * side[2], side[0] * side[2], side[0] * side[1]])
+    return volume / np.maximum(across, 1e-30)
