@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -10,12 +11,16 @@ import numpy as np
 
 from sensorbook.errors import InputError, Problem
 
-PRESETS = {  # each a module here
+PRESETS = {  # each a module here, but for those of `_ORBITS`
     "ahrs": "work A's robotics-grade AHRS: two hours at rest at 100 Hz and a temperature sweep",
     "positions": "an IMU laid down by hand in 25 attitudes, and levelled on its six faces",
     "phone": "work B's phone: six faces, 23 attitudes and a check, as a recorder's SQLite files",
     "rotation": "a magnetometer and an accelerometer turned by hand through all attitudes",
+    "leo": "work C's Earth and Sun cameras, one for both and a pair, 2000 km above the ground",
+    "meo": "the same at 20 000 km",
+    "geo": "the same at 35 786 km",
 }
+_ORBITS = ("leo", "meo", "geo")  # presets of the module `camera`
 
 
 def simulate(folder: str | Path, preset: str = "ahrs", seed: int = 1) -> Path:
@@ -44,6 +49,9 @@ def simulate(folder: str | Path, preset: str = "ahrs", seed: int = 1) -> Path:
         write,
     )  # here, as a command's help needs the presets alone
 
-    build = import_module(f"sensorbook.simulate.{preset}").build
+    module = "camera" if preset in _ORBITS else preset
+    build = import_module(f"sensorbook.simulate.{module}").build
+    if preset in _ORBITS:
+        build = partial(build, orbit=preset)
     write(build(np.random.default_rng([seed, 0xA]), name), folder)
     return folder
