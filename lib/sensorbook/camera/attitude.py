@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from sensorbook.attitude import two_vector
 from sensorbook.attitude.rotations import matrix_from_axis_angle
-from sensorbook.camera.limb import COPIES, Limb, find_limb, tukey
+from sensorbook.camera.limb import Limb, across_of, around, find_limb, weighted
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS
 from sensorbook.camera.sun import Sun, find_sun
@@ -27,6 +27,7 @@ class ImageAttitude:
     matrix : (3, 3), body from inertial; None where the image does not determine it
     covariance : (3, 3), rad², of the error vector in body axes
     status : "ok", or the reason in words
+    haze : m, how high the limb stands above the ground, found with the attitude, and its standard error
     """
 
     sun: Sun
@@ -34,6 +35,7 @@ class ImageAttitude:
     matrix: np.ndarray | None
     covariance: np.ndarray | None
     status: str
+    haze: tuple[float, float] | None = None
 
 
 def attitude_from_image(
@@ -78,10 +80,10 @@ def attitude_from_image(
     down = -position / size
     measured = np.array([camera.to_body @ limb.direction, to_sun])
     first = two_vector(measured, [down, sun], sigma=[max(limb.std, 1e-6), seen.std])
-    matrix, covariance = _joint(
+    matrix, covariance, haze = _joint(
         first.matrix, limb, camera, to_sun, seen.std, position, sun, semi_axes
     )
-    return ImageAttitude(seen, limb, matrix, covariance, "ok")
+    return ImageAttitude(seen, limb, matrix, covariance, "ok", haze)
 
 
 def expected_radius(distance: float, radius: float) -> tuple[float, float]:
@@ -94,7 +96,7 @@ def expected_radius(distance: float, radius: float) -> tuple[float, float]:
 
 
 def _joint(matrix, limb, camera, to_sun, sun_std, position, sun, semi_axes):
-    """Attitude and the height of the haze together, from limb and Sun: matrix (3, 3), covariance (3, 3).
+    """Attitude (3, 3), its covariance (3, 3), and the haze's height with its error, from limb and Sun.
 
     A short arc of limb leaves the direction to the centre and the radius nearly one; the Sun's known
     distance from the nadir tells them apart. In units of the semi-axes an ellipsoid is a sphere and
@@ -102,7 +104,7 @@ def _joint(matrix, limb, camera, to_sun, sun_std, position, sun, semi_axes):
     """
     rays = limb.rays[limb.used] @ camera.to_body.T
     across = limb.across[limb.used] @ camera.to_body.T
-    sides = _across(to_sun)
+    sides, order = across_of(to_sun), around(limb.rays[limb.used], limb.direction)
     height = HAZE
 
     def misfits(turned, height):
@@ -122,8 +124,7 @@ def _joint(matrix, limb, camera, to_sun, sun_std, position, sun, semi_axes):
             jacobian.append([(m - b) / 1e-6 for m, b in zip(moved, base, strict=True)])
         moved = misfits(matrix, height + 10.0)
         jacobian.append([(m - b) / 10.0 for m, b in zip(moved, base, strict=True)])
-        weight, scale = tukey(base[0])
-        weight = weight / (scale**2 * COPIES)
+        weight = weighted(base[0], order)
         on_limb = np.stack([j[0] for j in jacobian], axis=-1)
         on_sun = np.stack([j[1] for j in jacobian], axis=-1)
         normal = on_limb.T @ (weight[:, None] * on_limb) + on_sun.T @ on_sun
@@ -137,7 +138,8 @@ def _joint(matrix, limb, camera, to_sun, sun_std, position, sun, semi_axes):
         height += move[3]
         if angle < 1e-9:
             break
-    return matrix, np.linalg.inv(normal)[:3, :3]
+    covariance = np.linalg.inv(normal)
+    return matrix, covariance[:3, :3], (float(height), float(np.sqrt(covariance[3, 3])))
 
 
 def _depth(sight: np.ndarray, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
@@ -145,10 +147,3 @@ def _depth(sight: np.ndarray, place: np.ndarray, axes: np.ndarray) -> np.ndarray
     sight = sight / axes
     along = (sight @ place) / (sight**2).sum(axis=-1)
     return 1 - np.linalg.norm(place - along[:, None] * sight, axis=-1)
-
-
-def _across(direction: np.ndarray) -> np.ndarray:
-    """Two unit vectors (2, 3) across a direction (3,)."""
-    first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)])

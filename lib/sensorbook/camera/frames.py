@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
@@ -104,7 +104,7 @@ def read_frames(runs: Sequence[Images]) -> Iterator[Frame]:
     An image of a camera that sees the Earth alone goes with that of the Sun's camera taken at the same
     time, where the poses of both give it; the two then have one attitude.
     """
-    names = _short_names(name for run in runs for name in run.names)
+    names = image_names(runs)
     frames = [_frame(run, k, names) for run in runs for k in range(len(run))]
     by_time = {
         (frame.sees, frame.pose.time): frame
@@ -130,9 +130,9 @@ def read_frames(runs: Sequence[Images]) -> Iterator[Frame]:
         yield mine
 
 
-def _short_names(names: Iterable[str]) -> dict[str, str]:
-    """The last part of each path, if that tells all of them apart; else the paths."""
-    names = list(names)
+def image_names(runs: Sequence[Images]) -> dict[str, str]:
+    """By path, the last part of each, if that tells all of them apart; else the path."""
+    names = [name for run in runs for name in run.names]
     short = [PurePosixPath(name).name for name in names]
     return dict(zip(names, short if len(set(short)) == len(names) else names, strict=True))
 

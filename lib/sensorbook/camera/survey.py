@@ -1,0 +1,225 @@
+"""All images of a device's cameras: what each gave, in as little memory as its entry in results.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sensorbook.attitude.rotations import matrix_from_quaternion
+from sensorbook.camera.baseline import baseline
+from sensorbook.camera.frames import Frame, image_names, read_frames
+from sensorbook.camera.picture import read_picture
+from sensorbook.errors import InputError, Problem
+from sensorbook.recordings.images import Images
+
+_KEPT = 60  # edge points of an image's limb that stay, to draw it small
+_SHOWN = 12  # images in a gallery
+_LISTED = 5  # names in an error
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What the images gave.
+
+    Attributes
+    ----------
+    frames : one an image, in order; their limbs have few points left
+    records : their entries under `camera.images` of results.json
+    chain : direction (3,) to the Earth by work C's chain, in camera axes, of each image whose true
+        attitude is known; None elsewhere, and where the chain found none
+    chosen : the image whose steps are to be looked at, with all its edge points
+    earth, sun : the frames of the chosen attitude that see either; None where there is none
+    """
+
+    frames: tuple[Frame, ...]
+    records: tuple[dict, ...]
+    chain: tuple[np.ndarray | None, ...]
+    chosen: Frame
+    earth: Frame | None
+    sun: Frame | None
+
+    @property
+    def solved(self) -> list[Frame]:
+        """The frames whose status is "ok"."""
+        return [frame for frame in self.frames if frame.status == "ok"]
+
+    @property
+    def reasons(self) -> dict[str, list[str]]:
+        """Names of the images without solution, by reason, the most frequent first."""
+        found: dict[str, list[str]] = {}
+        for frame in self.frames:
+            if frame.status != "ok":
+                reason = frame.status.replace(f" ({frame.partner})", "")
+                found.setdefault(reason.removeprefix("no solution: "), []).append(frame.image)
+        return dict(sorted(found.items(), key=lambda item: -len(item[1])))
+
+    @property
+    def notes(self) -> dict[str, list[str]]:
+        """Names of the images that were changed to be read, by what was done."""
+        found: dict[str, list[str]] = {}
+        for frame in self.frames:
+            if frame.note:
+                found.setdefault(frame.note, []).append(frame.image)
+        return found
+
+    @property
+    def attitudes(self) -> list[Frame]:
+        """A frame for each attitude: two cameras that make one count once."""
+        seen: set[str] = set()
+        found = []
+        for frame in self.frames:
+            if frame.matrix is not None and frame.partner not in seen:
+                found.append(frame)
+                seen.add(frame.image)
+        return found
+
+    def gallery(self, most: int = _SHOWN) -> list[Frame]:
+        """At most so many readable images: one a reason that has no solution, the others evenly."""
+        readable = [k for k, frame in enumerate(self.frames) if is_readable(frame)]
+        first = {}
+        for k in readable:
+            if self.frames[k].status != "ok":
+                first.setdefault(self.frames[k].status, k)
+        failed = list(first.values())[: most // 2]
+        others = [k for k in readable if k not in failed]
+        others.sort(key=lambda k: self.frames[k].status != "ok")
+        solved = [k for k in others if self.frames[k].status == "ok"]
+        room = most - len(failed)
+        pool = solved if len(solved) >= room else others[:room]
+        if len(pool) > room:
+            pool = [pool[k] for k in np.linspace(0, len(pool) - 1, room).round().astype(int)]
+        return [self.frames[k] for k in sorted({*failed, *pool})]
+
+
+def survey(runs: Sequence[Images], image: str = "") -> Survey:
+    """Reads every image of a device's cameras, one by one.
+
+    `image` names the one whose steps are looked at; where it is empty it is the first that is solved and
+    sees the Earth, else the one that shows most. Raises `InputError` where there is none of its name.
+    """
+    wanted = _wanted(image, image_names(runs))
+    frames, records, chain = [], [], []
+    chosen, best, whole = None, -1, {}
+    # The Sun's cameras last: their frames, which wait for those of the Earth's, hold little.
+    for frame in read_frames(sorted(runs, key=lambda run: run.camera.get("sees") == "sun")):
+        frames.append(thinned(frame))
+        records.append(frame.record())
+        chain.append(_by_chain(frame) if true_earth(frame) is not None else None)
+        if wanted in (frame.image, frame.partner):
+            whole[frame.image] = frame
+        if not wanted and _worth(frame) > best:
+            chosen, best = frame, _worth(frame)
+    chosen = whole[wanted] if wanted else chosen
+    by_name = {frame.image: frame for frame in frames} | whole | {chosen.image: chosen}
+    both = [chosen] + ([by_name[chosen.partner]] if chosen.partner else [])
+    return Survey(
+        tuple(frames),
+        tuple(records),
+        tuple(chain),
+        chosen,
+        next((frame for frame in both if frame.limb is not None), None),
+        next((frame for frame in both if frame.sun is not None), None),
+    )
+
+
+def is_readable(frame: Frame) -> bool:
+    """Whether its picture could be read: something was looked for in it."""
+    return frame.limb is not None or frame.sun is not None
+
+
+def true_earth(frame: Frame) -> np.ndarray | None:
+    """The true direction (3,) to the Earth's centre in camera axes, where the pose tells it."""
+    position, quaternion = frame.pose.position, frame.pose.quaternion
+    if position is None or quaternion is None:
+        return None
+    down = matrix_from_quaternion(quaternion) @ (-position / np.linalg.norm(position))
+    return frame.camera.to_body.T @ down
+
+
+def angle(first: np.ndarray, second: np.ndarray) -> float:
+    """Between two directions (3,), rad; exact for small angles, too."""
+    return float(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second))
+
+
+def normalised_errors(frames: Sequence[Frame]) -> np.ndarray:
+    """Errors squared over their covariance, of the frames whose true attitude is known: mean 3 if honest."""
+    return np.array(
+        [
+            frame.error @ np.linalg.solve(frame.covariance, frame.error)
+            for frame in frames
+            if frame.error is not None
+        ]
+    )
+
+
+def earth_errors(found: Survey) -> dict[str, np.ndarray]:
+    """Of the images whose limb is found and whose true attitude is known, angles in rad.
+
+    Returns
+    -------
+    off_axis : (n,), of the true direction to the Earth's centre
+    ours, chain : (n,), errors of our direction and of work C's chain; NaN where that found none
+    """
+    rows = []
+    for frame, chain in zip(found.frames, found.chain, strict=True):
+        true = true_earth(frame)
+        if true is None or frame.earth_direction is None:
+            continue
+        theirs = np.nan if chain is None else angle(chain, true)
+        rows.append(
+            (angle(true, np.array([0, 0, 1.0])), angle(frame.earth_direction, true), theirs)
+        )
+    table = np.array(rows).reshape(-1, 3)
+    return dict(zip(("off_axis", "ours", "chain"), table.T, strict=True))
+
+
+def thinned(frame: Frame) -> Frame:
+    """The frame with few of its limb's points, all of them used."""
+    limb = frame.limb
+    if limb is None:
+        return frame
+    kept = np.flatnonzero(limb.used)
+    kept = kept[:: max(1, -(-len(kept) // _KEPT))]
+    few = replace(
+        limb,
+        pixels=limb.pixels[kept],
+        used=limb.used[kept],
+        residuals=limb.residuals[kept],
+        sigma=None,
+        rays=None,
+        across=None,
+    )
+    return replace(frame, limb=few)
+
+
+def _by_chain(frame: Frame) -> np.ndarray | None:
+    """The Earth's direction by work C's chain where ours found a limb."""
+    if frame.earth_direction is None:
+        return None
+    return baseline(read_picture(frame.path, frame.camera)[0], frame.camera).earth_direction
+
+
+def _worth(frame: Frame) -> int:
+    """How much there is to look at in an image."""
+    if not is_readable(frame):
+        return 0
+    limb = frame.limb is not None and frame.limb.direction is not None
+    sun = frame.sun is not None and frame.sun.direction is not None
+    return 1 + 2 * limb + sun + 4 * (frame.status == "ok")
+
+
+def _wanted(image: str, names: Mapping[str, str]) -> str:
+    """The short name of the image asked for, which may be given by its path; "" for none."""
+    if not isinstance(image, str):
+        raise InputError(Problem("parameters", "image", f"is {image!r}", "give an image's name"))
+    if not image or image in names.values():
+        return image
+    if image in names:
+        return names[image]
+    some = ", ".join(list(names.values())[:_LISTED])
+    more = f" (and {len(names) - _LISTED} more)" if len(names) > _LISTED else ""
+    raise InputError(
+        Problem("parameters", "image", f"there is no {image!r}", f"give one of {some}{more}")
+    )
