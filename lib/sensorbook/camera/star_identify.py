@@ -86,7 +86,7 @@ class Identity:
     ----------
     stars : (K,), row in the catalogue, −1 for none
     status : "ok", or why there is no solution
-    chance : expected number of false solutions as good as this one, in one image
+    chance : expected number of false solutions as good as this one, in one image; NaN for none
     triangles : how many were tried
     """
 
@@ -107,7 +107,7 @@ def identify(rays: np.ndarray, std: np.ndarray, table: StarTable) -> Identity:
     rays, std = np.asarray(rays, dtype=float), np.asarray(std, dtype=float)
     none = np.full(len(rays), -1)
     if len(rays) < LEAST:
-        return Identity(none, FEW, 1.0, 0)
+        return Identity(none, FEW, np.nan, 0)
     tried = min(len(rays), _TRIED)
     angle = _angle(rays[:tried, None], rays[None, :tried])
     tolerance = REACH * np.hypot(std[:tried, None], std[None, :tried])
@@ -118,22 +118,23 @@ def identify(rays: np.ndarray, std: np.ndarray, table: StarTable) -> Identity:
         if sine.min() < _LEAST_SINE:
             continue
         triangles += 1
-        expected += _by_chance(len(table.directions), triple, angle, tolerance, sine)
-        for i, j in ((0, 1), (0, 2)):
-            pair = triple[i], triple[j]
+        i, j, k = triple
+        reach = tolerance[i, j], tolerance[i, k], tolerance[j, k]
+        expected += expected_false_triangles(len(table.directions), angle[i, j], sine[2], reach)
+        for pair in ((i, j), (i, k)):
             if pair not in known:
                 known[pair] = table.alike(angle[pair], tolerance[pair])
         guesses = _guesses(rays, triple, angle, tolerance, known, table)
         if not len(guesses):
             continue
         trials = [_confirmed(rays, std, triple, guess, table) for guess in guesses]
-        chances = [min(expected, 1.0) * tail for _, tail in trials]
-        good = [k for k, chance in enumerate(chances) if chance < LIMIT]
-        if len({tuple(guesses[k]) for k in good}) > 1:
-            return Identity(none, AMBIGUOUS, max(chances[k] for k in good), triangles)
+        good = sorted((expected * tail, g) for g, (_, tail) in enumerate(trials))
+        good = [(chance, trials[g][0]) for chance, g in good if chance < LIMIT]
+        if any(_differ(good[0][1], stars) for _, stars in good[1:]):
+            return Identity(none, AMBIGUOUS, np.nan, triangles)
         if good:
-            return Identity(trials[good[0]][0], "ok", chances[good[0]], triangles)
-    return Identity(none, NONE, 1.0, triangles)
+            return Identity(good[0][1], "ok", good[0][0], triangles)
+    return Identity(none, NONE, np.nan, triangles)
 
 
 def nearest(
@@ -151,21 +152,19 @@ def nearest(
     return star
 
 
-def expected_false_triangles(stars: int, rays: ArrayLike, tolerance: ArrayLike) -> float:
+def expected_false_triangles(stars: int, side: float, sine: float, tolerance: ArrayLike) -> float:
     """How many triples of an even sky's stars have the angles of three spots, and their sense, by chance.
 
-    N choices for the first star; N sin θ τ in a ring around it for the second; for the third N/4π times the
-    area where two rings cross, 4 τ τ/sin γ. `tolerance` (3,) are τ₁₂, τ₁₃, τ₂₃, rad.
+    N choices for the first star; N sin θ τ₁₂ in a ring around it for the second; for the third N/4π times
+    the area where two rings cross, 4 τ₁₃ τ₂₃/sin γ.
+
+    Parameters
+    ----------
+    side : rad, θ from the first spot to the second
+    sine : of the triangle's angle γ at the third
+    tolerance : (3,), rad, τ₁₂, τ₁₃, τ₂₃ that the angles may be off
     """
-    rays, tolerance = np.asarray(rays, dtype=float), np.asarray(tolerance, dtype=float)
-    side = np.sin(_angle(rays[0], rays[1]))
-    return float(stars**3 * side * tolerance.prod() / (np.pi * _sines(rays)[2]))
-
-
-def _by_chance(stars, triple, angle, tolerance, sine) -> float:
-    i, j, k = triple
-    spread = tolerance[i, j] * tolerance[i, k] * tolerance[j, k]
-    return float(stars**3 * np.sin(angle[i, j]) * spread / (np.pi * sine[2]))
+    return float(stars**3 * np.sin(side) * np.prod(tolerance) / (np.pi * sine))
 
 
 def _triples(count: int) -> Iterator[tuple[int, int, int]]:
@@ -210,6 +209,12 @@ def _confirmed(rays, std, triple, guess, table) -> tuple[np.ndarray, float]:
     more = int((stars[rest] >= 0).sum())
     mean = len(table.directions) * (1 - np.cos(reach[rest])).sum() / 2
     return stars, float(poisson.sf(more - 1, mean)) if more else 1.0
+
+
+def _differ(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two sets of names (K,) are different places in the sky, not one with a neighbour mixed up."""
+    both = (one >= 0) & (other >= 0)
+    return bool((one == other)[both].sum() < LEAST - 1)
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:

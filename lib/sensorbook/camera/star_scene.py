@@ -65,6 +65,9 @@ class Optics:
                 raise ValueError(f"{name} is {getattr(self, name)}: give electrons, 0 or more")
 
 
+OPTICS = Optics()
+
+
 def stars_to(limit: float) -> float:
     """How many stars the sky holds up to a magnitude.
 
@@ -86,7 +89,7 @@ def render_stars(
     sky: Sky,
     attitude: ArrayLike,
     rng: np.random.Generator,
-    optics: Optics = Optics(),
+    optics: Optics = OPTICS,
     false: int = 0,
     hot: int = 0,
     turn: ArrayLike = (0.0, 0.0, 0.0),

@@ -40,7 +40,7 @@ class StarAttitude:
     covariance : (3, 3), rad², of the error vector in body axes
     across_std, roll_std : rad, standard errors across and about the camera's axis; NaN for none
     misfit : mean square of the stars' distances over their standard errors, 1 where these are right
-    chance : expected number of false solutions as good as this one, in one image
+    chance : expected number of false solutions as good as this one, in one image; NaN for none
     status : "ok", or the reason in words
     """
 
@@ -82,15 +82,13 @@ def attitude_from_stars(
     blobs = find_blobs(image, camera, gain, spread, threshold)
     spots = np.flatnonzero(blobs.usable)
     rays = camera.rays(blobs.pixels[spots])
-    # A pixel spans cos²θ/f outward and cos θ/f across that.
-    cosine = rays[:, 2]
-    std = blobs.std[spots] / camera.focal_px * cosine * np.sqrt((1 + cosine**2) / 2)
+    std = blobs.std[spots] * pixel_angle(rays, camera)
     identity = identify(rays, std, table)
     if identity.status != "ok":
-        return _refused(blobs, identity.status, identity.chance)
+        return _refused(blobs, identity.status)
     stars, solved = _settle(rays, std, identity.stars, table)
     if solved is None:
-        return _refused(blobs, NONE, 1.0)
+        return _refused(blobs, NONE)
     matched, off = np.full(len(blobs), -1), np.full(len(blobs), np.nan)
     named = stars >= 0
     matched[spots] = stars
@@ -113,6 +111,12 @@ def attitude_from_stars(
     )
 
 
+def pixel_angle(rays: np.ndarray, camera: Camera) -> np.ndarray:
+    """Angle (…), rad, that a pixel spans at rays (…, 3): cos²θ/f outward and cos θ/f across, their rms."""
+    cosine = rays[..., 2]
+    return cosine * np.sqrt((1 + cosine**2) / 2) / camera.focal_px
+
+
 def _settle(rays, std, stars, table):
     """Stars (K,) and the attitude of the camera by all of them, once no star is off by more than chance."""
     for _ in range(_ROUNDS):
@@ -133,8 +137,7 @@ def _std(rays: np.ndarray, solved) -> np.ndarray:
     return np.sqrt(np.maximum(np.trace(solved.covariance) - own, 0.0))
 
 
-def _refused(blobs: Blobs, reason: str, chance: float) -> StarAttitude:
+def _refused(blobs: Blobs, reason: str) -> StarAttitude:
     none = np.full(len(blobs), -1)
     nothing = np.full(len(blobs), np.nan)
-    status = f"no solution: {reason}"
-    return StarAttitude(blobs, none, nothing, None, None, *(np.nan,) * 3, chance, status)
+    return StarAttitude(blobs, none, nothing, None, None, *(np.nan,) * 4, f"no solution: {reason}")
