@@ -67,7 +67,7 @@ def places(orbit: str, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     distance = EARTH_RADIUS + HEIGHTS[orbit]
     period = 2 * np.pi * np.sqrt(distance**3 / GRAVITATION)
-    seconds = np.arange(0, int(period), 10)
+    seconds = np.linspace(0, period, 1000, endpoint=False).astype(int)
     inclination, node = np.radians(PLANES[orbit])
     position, _ = circular_orbit(
         distance - EQUATOR_RADIUS, inclination, node, 2 * np.pi * seconds / period
