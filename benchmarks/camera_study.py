@@ -21,9 +21,11 @@ from sensorbook.attitude import triad
 from sensorbook.attitude.rotations import error_vector
 from sensorbook.camera.attitude import attitude_from_image
 from sensorbook.camera.baseline import baseline
+from sensorbook.camera.blue_marble import blue_marble
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS, HEIGHTS, WGS84, Scene, render, texture
 from sensorbook.camera.study import draw
+from sensorbook.errors import InputError
 
 CAMERA = Camera(1280, 720, 369.5)
 GOALS = {"leo": 0.05, "meo": 0.04, "geo": 0.04}  # degrees, mean of the whole angle
@@ -44,6 +46,10 @@ def main() -> None:
         "texture": {"lit": "lambert", "texture": painted},
         "oblate, haze 20 km": {"lit": "lambert", "semi_axes": WGS84, "haze": 20e3},
     }
+    try:
+        looks["Blue Marble"] = {"lit": "lambert", "texture": blue_marble()}
+    except InputError as error:
+        print(error)
     for orbit in options.orbits:
         for name, look in looks.items():
             study(orbit, name, look, options.frames, np.random.default_rng(options.seed))
