@@ -90,7 +90,14 @@ def test_every_preset_starts_with_both_in_view(orbit, cameras, look):
     assert degrees(seen.error) < 0.05
     difference = np.degrees(np.angle(np.exp(1j * (seen.computed - seen.true))))
     assert np.abs(difference).max() < 0.05 / np.cos(seen.true[1])
-    if look != "textured":
+    if (orbit, cameras) == ("leo", 1):
+        # 101° from the Sun the nadir is so far off the axis that the limb is a hyperbola.
+        assert np.isnan(ellipse_centre_error(seen.off_axis, seen.angular_radius))
+        if look == "full":
+            assert (
+                "No Earth: The conic that fits the points best is no ellipse" in seen.chain_status
+            )
+    elif look != "textured":
         assert seen.chain_status == "ok"
         assert degrees(seen.chain_error) > 10 * degrees(seen.error)
 

@@ -1,14 +1,18 @@
 """Figures of a camera's image: what is drawn lies where it was found."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 from sensorbook.camera.baseline import baseline
+from sensorbook.camera.explorer import Settings, explore
 from sensorbook.camera.limb import find_limb
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS, HEIGHTS, Scene, render
 from sensorbook.camera.sun import find_sun
+from sensorbook.camera.visibility import looking_at_both
 from sensorbook.plots import camera as plots
 
 WIDE = Camera(1280, 720, 369.5)  # C, table 4.2
@@ -133,3 +137,55 @@ def test_baseline_and_its_centre():
 def test_another_cameras_image_is_named():
     with pytest.raises(ValueError, match="image is 100 × 50 pixels, its camera 1280 × 720"):
         plots.plot_view(np.zeros((50, 100), np.uint8), WIDE)
+
+
+# --- a scene ---
+
+
+def scene(**chosen):
+    made = Settings(**chosen)
+    return explore(replace(made, angles=looking_at_both(made)))
+
+
+def test_scene_of_one_camera():
+    seen = scene(orbit="meo")
+    ((chain, ours),) = plots.plot_scene(seen)
+    assert [a.get_title() for a in (chain, ours)] == [
+        "camera, work C's chain",
+        "camera, limb's cone",
+    ]
+    true = WIDE.project(seen.settings.attitude @ -seen.settings.position)
+    for axes in (chain, ours):
+        assert np.ravel(line(axes, "Earth's true centre").get_data()) == pytest.approx(true)
+    off = [
+        np.linalg.norm(np.ravel(line(axes, name).get_data()) - true)
+        for axes, name in ((chain, "ellipse's centre"), (ours, "Earth's centre"))
+    ]
+    # Pixels: the ellipse's centre is degrees off, the cone's hundredths.
+    assert off[0] > 5
+    assert off[1] < 0.3
+
+
+def test_scene_of_two_cameras_has_earth_above_and_sun_below():
+    seen = scene(cameras=2)
+    grid = plots.plot_scene(seen)
+    assert grid.shape == (2, 2)
+    for axes in grid[0]:
+        assert "Sun's centre" not in axes.get_legend_handles_labels()[1]
+    for axes in grid[1]:
+        assert axes.get_legend_handles_labels()[1] == ["Sun's centre"]
+    assert (grid[0, 0].images[0].get_array() == seen.images[0]).all()
+    assert (grid[1, 1].images[0].get_array() == seen.images[1]).all()
+    (legend,) = grid[0, 0].figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(names) == len(set(names)) == 7
+
+
+def test_scene_in_which_nothing_is_found_is_drawn():
+    grid = plots.plot_scene(explore(Settings(orbit="geo")))
+    assert not grid[0, 0].figure.legends
+
+
+def test_scene_as_a_picture_leaves_no_figure_open():
+    assert plots.scene_png(scene(orbit="geo")).startswith(b"\x89PNG")
+    assert not plt.get_fignums()

@@ -59,7 +59,7 @@ class Settings:
     """
 
     orbit: str = "leo"
-    place: float = np.pi / 3
+    place: float = np.pi / 6
     angles: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cameras: int = 1
     look: str = "full"

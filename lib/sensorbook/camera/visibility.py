@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 SEQUENCE = "ZYX"  # yaw, pitch, roll
 _STEP = np.radians(4)  # between the points of the limb that a view is judged by
 _TRIALS = 4000
-_MARGIN = 25  # pixels that a proposed attitude keeps the Sun from the border
+_MARGIN = 40  # pixels that a proposed attitude keeps the Sun from the border
 _CLEAR = np.radians(2)  # of the limb, for the Sun to be told from it
 _STEEPEST = 60  # degrees, pitch of a proposed attitude: far from where the angles lock
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import replace
+
 import cv2
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
 
 from sensorbook.camera.baseline import Baseline
+from sensorbook.camera.explorer import Exploration
 from sensorbook.camera.limb import Limb
 from sensorbook.camera.model import Camera, grey
 from sensorbook.camera.sun import Sun
@@ -14,6 +20,8 @@ from sensorbook.plots.style import WIDTH, new_axes
 
 # C's yellow, red, blue and green, so that they differ in brightness too; the marks differ in shape.
 SUN, EDGE, CURVE, EARTH, TRUE = "#F0E442", "#E8442E", "#4FA8FF", "#00C281", "#FFFFFF"
+# A grey that both the white and the dark marks stand out from.
+_LEGEND = {"fontsize": 8, "facecolor": "#B0B0B0", "framealpha": 1, "edgecolor": "none"}
 MOST_COLUMNS = 1600  # of the image as drawn: finer than the page shows
 MOST_POINTS = 200  # apart, so that the fitted line shows between them
 
@@ -93,6 +101,48 @@ def plot_baseline(
     return _finished(axes, legend)
 
 
+def plot_scene(seen: Exploration) -> np.ndarray:
+    """What the cameras of a scene see: Axes (cameras, 2), by work C's chain and by the limb's cone."""
+    made, found = seen.settings, seen.found
+    earth, sun = seen.chain
+    views = [("camera", made.earth_camera, seen.images[0], earth, found.limb, found.sun)]
+    if made.cameras == 2:
+        views = [
+            ("Earth camera", *views[0][1:3], replace(earth, sun_direction=None), found.limb, None),
+            ("Sun camera", made.sun_camera, seen.images[1], replace(sun, ellipse=None), None, found.sun),
+        ]  # fmt: skip
+    figure, grid = plt.subplots(
+        len(views), 2, figsize=(9.6, 0.7 + 3.0 * len(views)), layout="constrained", squeeze=False
+    )
+    for row, (name, camera, image, chain, limb, disc) in zip(grid, views, strict=True):
+        plot_baseline(image, camera, chain, legend=False, axes=row[0])
+        plot_view(image, camera, limb, disc, legend=False, axes=row[1])
+        down = camera.to_body.T @ made.attitude @ -made.position
+        for axes, way in zip(row, ("work C's chain", "limb's cone"), strict=True):
+            axes.set_title(f"{name}, {way}", fontsize=10)
+            if name != "Sun camera" and camera.sees(down):
+                axes.plot(
+                    *camera.project(down), "+", color="white", ms=12, mew=1.6,
+                    path_effects=[withStroke(linewidth=3.5, foreground="black")],
+                    label="Earth's true centre",
+                )  # fmt: skip
+    entries = {}
+    for axes in grid.flat:
+        entries |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    if entries:
+        figure.legend(entries.values(), entries, loc="outside lower center", ncols=4, **_LEGEND)
+    return grid
+
+
+def scene_png(seen: Exploration) -> bytes:
+    """The same as a picture, for a widget."""
+    figure = plot_scene(seen)[0, 0].figure
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=96)
+    plt.close(figure)
+    return buffer.getvalue()
+
+
 def _image(image: np.ndarray, camera: Camera, axes: Axes | None) -> Axes:
     image = grey(image, camera)
     axes = new_axes(axes, height=0.9 + 0.93 * WIDTH * camera.height / camera.width)
@@ -143,7 +193,6 @@ def _earth(direction: np.ndarray, camera: Camera, name: str, axes: Axes) -> None
 def _finished(axes: Axes, legend: bool) -> Axes:
     if legend and axes.get_legend_handles_labels()[1]:
         axes.legend(
-            loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize=8,
-            facecolor="#8A8A8A", labelcolor="black", framealpha=1, edgecolor="none",
+            loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, **_LEGEND,
         )  # fmt: skip
     return axes
