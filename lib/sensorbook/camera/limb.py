@@ -19,10 +19,13 @@ _TRIALS = 300
 _INLIER = 1.5  # pixels
 _ALIGNED = 0.8  # cosine between an edge's gradient and the way to the centre
 _TUKEY = 4.685  # of the scale: 95 % efficient on normal errors
-COPIES = 4.0  # pixels along the limb that share their noise, by the smoothing
+_LEAST_SCALE = 0.5  # of the stated standard errors: few points may agree by chance
+_COPIES = 4.0  # neighbours that share their error at least: the smoothing's, and the pixels' own grid
+_COMMON = 0.02  # pixels that all edges may be off alike, out or in
+_UNLIKE = 0.05  # correlation of residuals along the limb that is none
 LEAST_POINTS = 12
 _LEAST_SHARE = 0.25  # of the edges that look out on dark space: scattered ones make no limb
-_SMALLER = (2, 4, 8, 16)  # of how many pixels one is made, where the image shows no limb as it is
+_SMALLER = (2, 3, 4, 6, 8, 12, 16)  # of how many pixels one is made, where the image shows no limb as it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +74,8 @@ def find_limb(
 ) -> Limb:
     """The limb in a grey image (height, width), uint8; arguments as those of `fit_limb`.
 
-    Air is many pixels deep in a telephoto picture: where no edge is as sharp as a pixel, the limb is the
-    best known of those in smaller images. Pixels, sigma and residuals are of the image given.
+    Air is many pixels deep in a telephoto picture: where no edge is as sharp as a pixel, the limb is
+    that of a smaller image. Pixels, sigma and residuals are of the image given.
     """
     pixel = None if sun is None else camera.project(sun)
     limb = fit_limb(find_edges(image, camera, pixel), camera, sun, radius)
@@ -94,7 +97,9 @@ def find_limb(
         tried = fit_limb(find_edges(less, small, place), small, sun, radius)
         if tried.status == "ok":
             found.append(_enlarged(tried, scale))
-    return min(found, key=lambda one: one.std, default=limb)
+    # The sharpest of those that know it about as well as the best.
+    best = min((one.std for one in found), default=0.0)
+    return next((one for one in found if one.std <= 2 * best), limb)
 
 
 def _enlarged(limb: Limb, scale: int) -> Limb:
@@ -235,11 +240,12 @@ def refined_cone(h, rays, across, sigma, radius=None):
     Returns h, the covariance (3, 3), rad², of the direction along `basis` and of the angular radius, and
     `basis` (2, 3).
     """
+    order = around(rays, h)
     for _ in range(8):
         off, jacobian = _off(h, rays, across) / sigma, rays / ((across @ h) * sigma)[:, None]
-        weight, scale = tukey(off)
-        normal = jacobian.T @ (weight[:, None] * jacobian) / (scale**2 * COPIES)
-        right = -jacobian.T @ (weight * off) / (scale**2 * COPIES)
+        weight = weighted(off, order)
+        normal = jacobian.T @ (weight[:, None] * jacobian)
+        right = -jacobian.T @ (weight * off)
         if radius is not None:
             size = np.linalg.norm(h)
             slope = h / (size**2 * np.sqrt(max(size**2 - 1, 1e-12)))  # of ρ = arccos(1/‖h‖)
@@ -252,14 +258,43 @@ def refined_cone(h, rays, across, sigma, radius=None):
     variance = np.linalg.pinv(normal, rcond=1e-14, hermitian=True)
     size = np.linalg.norm(h)
     direction = h / size
+    basis = across_of(direction)
+    turn = np.vstack([basis / size, direction / (size * np.sqrt(max(size**2 - 1, 1e-12)))])
+    covariance = turn @ variance @ turn.T
+    covariance[2, 2] += (_COMMON * np.median(np.linalg.norm(across, axis=-1))) ** 2
+    return h, covariance, basis
+
+
+def weighted(off: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Weights (N,) of residuals (N,) in standard errors: Tukey's, over the variance that they really have.
+
+    Neighbours along the limb (`order` sorts by the angle around it) err alike: by the smoothing over a
+    pixel or two, by the pattern of the ground over tens. N of them tell as much as N over their
+    integrated correlation.
+    """
+    scale = max(1.4826 * float(np.median(np.abs(off))), _LEAST_SCALE)
+    robust = np.clip(1 - (off / (_TUKEY * scale)) ** 2, 0, None) ** 2
+    z = (off * np.sqrt(robust))[order]
+    size = len(z)
+    power = np.abs(np.fft.rfft(z, 2 * size)) ** 2
+    shared = np.fft.irfft(power)[: max(size // 4, 1)] / np.arange(
+        size, size - max(size // 4, 1), -1
+    )
+    alike = shared[1:] / max(shared[0], 1e-12)
+    ends = np.flatnonzero(alike < _UNLIKE)
+    copies = max(1 + 2 * alike[: ends[0] if len(ends) else None].sum(), _COPIES)
+    variance = max(float(np.sum(robust * off**2) / np.sum(robust)), _LEAST_SCALE**2)
+    return robust / (variance * copies)
+
+
+def around(rays: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """The order of lines of sight (N, 3) by their angle around a direction (3,)."""
+    first, second = across_of(direction)
+    return np.argsort(np.arctan2(rays @ second, rays @ first), kind="stable")
+
+
+def across_of(direction: np.ndarray) -> np.ndarray:
+    """Two unit vectors (2, 3) across a direction (3,)."""
     first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
     first /= np.linalg.norm(first)
-    basis = np.stack([first, np.cross(direction, first)])
-    turn = np.vstack([basis / size, direction / (size * np.sqrt(max(size**2 - 1, 1e-12)))])
-    return h, turn @ variance @ turn.T, basis
-
-
-def tukey(off: np.ndarray) -> tuple[np.ndarray, float]:
-    """Tukey's weights (N,) of residuals in standard errors, and by how much these are too small, ≥ 1."""
-    scale = max(1.4826 * float(np.median(np.abs(off))), 1.0)
-    return np.clip(1 - (off / (_TUKEY * scale)) ** 2, 0, None) ** 2, scale
+    return np.stack([first, np.cross(direction, first)])
