@@ -68,6 +68,15 @@ def load(folder: str, sensor: str, kind: str) -> tuple[sensorbook.Device, tuple]
         "inputs": inputs,
         "warnings": found,
     }
+    header, rows = _images_table(inputs) if kind == "images" else _series_table(inputs)
+    table = html_table(rows, header=header)
+    plain = "\n".join(", ".join(row) for row in rows)
+    _publish({"text/html": table + "".join(map(_warning_html, found)), "text/plain": plain}, about)
+    _refuse_unknown(runs)
+    return device, runs
+
+
+def _series_table(inputs: Iterable[Mapping]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     rows = [
         (
             i["file"],
@@ -77,11 +86,22 @@ def load(folder: str, sensor: str, kind: str) -> tuple[sensorbook.Device, tuple]
         )
         for i in inputs
     ]
-    table = html_table(rows, header=("Recording", "Duration", "Rate", "Samples"))
-    plain = "\n".join(", ".join(row) for row in rows)
-    _publish({"text/html": table + "".join(map(_warning_html, found)), "text/plain": plain}, about)
-    _refuse_unknown(runs)
-    return device, runs
+    return ("Recording", "Duration", "Rate", "Samples"), rows
+
+
+def _images_table(inputs: Iterable[Mapping]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    sees = {"earth": "Earth", "sun": "Sun", "both": "Earth and Sun"}
+    rows = [
+        (
+            i["file"],
+            f"{i['samples']}",
+            f"{i['camera']['width']} × {i['camera']['height']} px",
+            f"{i['camera']['focal_px']:.6g} px",
+            sees[i["camera"].get("sees", "both")],
+        )
+        for i in inputs
+    ]
+    return ("Recording", "Images", "Size", "Focal length", "Looks for"), rows
 
 
 def _refuse_unknown(runs: Iterable[sensorbook.Recording]) -> None:

@@ -148,6 +148,12 @@ _QUANTITY_UNITS = {
     "coverage_percent": (None, None, ("percent", "%")),
     "heading_error_after_deg": (None, None, ("deg", "°")),
 }
+_CAMERA_UNITS = {  # no limits are set on these
+    "solved_percent": ("percent", "%"),
+    "earth_direction_std_deg": ("deg", "°"),
+    "attitude_std_deg": ("deg", "°"),
+    "attitude_error_deg": ("deg", "°"),
+}
 
 
 class UnitError(ValueError):
@@ -208,12 +214,16 @@ def field_unit(sensor: str, quantity: str = "signal") -> tuple[str, float]:
 
 
 def quantities(sensor: str) -> tuple[str, ...]:
-    """Names of the quantities that have a unit for this sensor."""
+    """Names of the quantities that have a unit for this sensor, one of `SENSOR_UNITS`."""
+    if sensor not in _SENSORS:
+        raise UnitError(f"{_shown(sensor)} has no units here", f"use one of {', '.join(_SENSORS)}")
     column = _SENSORS.index(sensor)
     return tuple(name for name, units in _QUANTITY_UNITS.items() if units[column])
 
 
 def _entry(sensor: str, quantity: str) -> tuple[str, str]:
+    if sensor == "camera" and quantity in _CAMERA_UNITS:
+        return _CAMERA_UNITS[quantity]
     if sensor not in _SENSORS:
         raise UnitError(f"{_shown(sensor)} has no units here", f"use one of {', '.join(_SENSORS)}")
     entry = _QUANTITY_UNITS.get(quantity, (None, None, None))[_SENSORS.index(sensor)]

@@ -10,7 +10,7 @@ import numpy as np
 from sensorbook.attitude import triad, two_vector
 from sensorbook.attitude.rotations import error_vector, matrix_from_quaternion
 from sensorbook.camera.attitude import ImageAttitude, attitude_from_image
-from sensorbook.camera.baseline import Baseline, baseline
+from sensorbook.camera.baseline import WINDOW, Baseline, baseline
 from sensorbook.camera.frames import Frame
 from sensorbook.camera.limb import Limb
 from sensorbook.camera.model import Camera
@@ -63,6 +63,16 @@ class Steps:
             for name, matrix in self.matrices.items()
         }
 
+    def apart(self, method: str) -> float:
+        """How far a method's attitude is from the last method's, rad."""
+        last = self.matrices[JOINT]
+        return float(np.linalg.norm(error_vector(self.matrices[method], last)))
+
+    @property
+    def sun_filtered(self) -> np.ndarray:
+        """The Sun's picture after work C's median."""
+        return cv2.medianBlur(self.sun_image, WINDOW)
+
 
 def take_steps(earth: Frame | None, sun: Frame | None) -> Steps:
     """Goes through an image again, keeping what every step made of it."""
@@ -105,12 +115,6 @@ def field_of_view(camera: Camera) -> tuple[float, float]:
     across = np.linalg.norm(np.cross(first, last), axis=-1)
     across, down = np.arctan2(across, (first * last).sum(axis=-1))
     return float(across), float(down)
-
-
-def off_axis(direction: np.ndarray) -> tuple[float, float]:
-    """Angle of a direction (3,) off the camera's axis, and its azimuth from right towards down, rad."""
-    x, y, z = direction
-    return float(np.arctan2(np.hypot(x, y), z)), float(np.arctan2(y, x))
 
 
 def centre_bias(off: float, radius: float) -> float | None:

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
-from sensorbook.attitude.rotations import matrix_from_quaternion
+from sensorbook.attitude.rotations import matrix_from_quaternion, quaternion_from_matrix
 from sensorbook.camera.baseline import baseline
 from sensorbook.camera.frames import Frame, image_names, read_frames
 from sensorbook.camera.picture import read_picture
@@ -17,6 +18,15 @@ from sensorbook.recordings.images import Images
 _KEPT = 60  # edge points of an image's limb that stay, to draw it small
 _SHOWN = 12  # images in a gallery
 _LISTED = 5  # names in an error
+_COLUMNS = _EARTH, _RADIUS, _SUN, _ATTITUDE, _STD, _ERROR, _RATIO = (
+    "Earth [°]",
+    "its radius [°]",
+    "Sun [°]",
+    "attitude x, y, z, w",
+    "± [°]",
+    "error [°]",
+    "error/±",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +102,12 @@ class Survey:
             pool = [pool[k] for k in np.linspace(0, len(pool) - 1, room).round().astype(int)]
         return [self.frames[k] for k in sorted({*failed, *pool})]
 
+    def table(self, most: int) -> pd.DataFrame:
+        """What the first images gave, at most so many, in words and degrees; columns of nothing left out."""
+        rows = [_row(frame) for frame in self.frames[:most]]
+        table = pd.DataFrame(rows).set_index("image").rename_axis(None)
+        return table.loc[:, (table != "").any()]
+
 
 def survey(runs: Sequence[Images], image: str = "") -> Survey:
     """Reads every image of a device's cameras, one by one.
@@ -138,6 +154,12 @@ def true_earth(frame: Frame) -> np.ndarray | None:
     return frame.camera.to_body.T @ down
 
 
+def off_axis(direction: np.ndarray) -> tuple[float, float]:
+    """Angle of a direction (3,) off the camera's axis, and its azimuth from right towards down, rad."""
+    x, y, z = direction
+    return float(np.arctan2(np.hypot(x, y), z)), float(np.arctan2(y, x))
+
+
 def angle(first: np.ndarray, second: np.ndarray) -> float:
     """Between two directions (3,), rad; exact for small angles, too."""
     return float(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second))
@@ -175,6 +197,11 @@ def earth_errors(found: Survey) -> dict[str, np.ndarray]:
     return dict(zip(("off_axis", "ours", "chain"), table.T, strict=True))
 
 
+def attitude_std(frame: Frame) -> float:
+    """Standard error of the attitude as a whole, rad: of the size of its error vector."""
+    return float(np.sqrt(np.trace(frame.covariance)))
+
+
 def thinned(frame: Frame) -> Frame:
     """The frame with few of its limb's points, all of them used."""
     limb = frame.limb
@@ -192,6 +219,32 @@ def thinned(frame: Frame) -> Frame:
         across=None,
     )
     return replace(frame, limb=few)
+
+
+def _row(frame: Frame) -> dict[str, str]:
+    """An image as a row of text."""
+    limb, sun, degrees = frame.limb, frame.sun, np.degrees
+    row = dict.fromkeys(("image", "status", *_COLUMNS), "")
+    row |= {"image": frame.image, "status": frame.status.removeprefix("no solution: ")}
+    if frame.earth_direction is not None:
+        row[_EARTH] = f"{_place(frame.earth_direction)} ±\u00a0{degrees(frame.earth_std):.2g}"
+        std = degrees(np.sqrt(limb.covariance[2, 2]))
+        row[_RADIUS] = f"{degrees(limb.angular_radius):.3f} ±\u00a0{std:.2g}"
+    if sun is not None and sun.direction is not None:
+        row[_SUN] = f"{_place(sun.direction)} ±\u00a0{degrees(sun.std):.2g}"
+    if frame.matrix is not None:
+        x, y, z, w = (f"{q:.5f}" for q in quaternion_from_matrix(frame.matrix))
+        row[_ATTITUDE] = f"{x},\u00a0{y}, {z},\u00a0{w}"
+        row[_STD] = f"{degrees(attitude_std(frame)):.2g}"
+    if frame.error is not None:
+        size = np.linalg.norm(frame.error)
+        row[_ERROR], row[_RATIO] = f"{degrees(size):.3g}", f"{size / attitude_std(frame):.2f}"
+    return row
+
+
+def _place(direction: np.ndarray) -> str:
+    away, azimuth = np.degrees(off_axis(direction))
+    return f"{away:.3f},\u00a0{azimuth:.1f}"
 
 
 def _by_chain(frame: Frame) -> np.ndarray | None:

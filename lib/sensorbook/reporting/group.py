@@ -26,6 +26,7 @@ from sensorbook.reporting.calibrations import (
     size,
     whole,
 )
+from sensorbook.reporting.cameras import camera_numbers
 from sensorbook.reporting.render import TEMPLATES, page
 from sensorbook.reporting.results import overall
 from sensorbook.reporting.spread import spread_of
@@ -160,6 +161,9 @@ def _read(folder: str, found: dict[str, Any]) -> Row:
             if _finite(calibration.get("rms_check")):
                 held_out = calibration["rms_check"] / _scale(str(sensor), "rms_check")
                 row.values[str(sensor), "rms_check"] = Value(held_out)
+        for quantity, value in camera_numbers(result).items():
+            if sensor == "camera" and _finite(value):
+                row.values["camera", quantity] = Value(value)
         for quantity in WHOLE:
             if _finite(value := whole(result, quantity)):
                 row.values[str(sensor), quantity] = Value(value / _scale(str(sensor), quantity))
@@ -266,7 +270,7 @@ def _columns(rows: Sequence[Row]) -> list[Column]:
     there = {key for row in rows for key in row.values}
     return [
         (sensor, quantity)
-        for sensor in units.SENSOR_UNITS
+        for sensor in (*units.SENSOR_UNITS, "camera")
         for quantity in dict.fromkeys((*USUAL, *sorted(q for s, q in there if s == sensor)))
         if (sensor, quantity) in there
     ]

@@ -13,6 +13,7 @@ from sensorbook import units
 from sensorbook.notebook import duration_words
 from sensorbook.reporting.calibration_table import calibration_table
 from sensorbook.reporting.calibrations import AXES, CALIBRATED
+from sensorbook.reporting.cameras import camera_table
 from sensorbook.reporting.chapters import CHAPTERS
 from sensorbook.reporting.render import page
 from sensorbook.reporting.results import overall
@@ -44,6 +45,7 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
             "noise": _noise_rows(sensor, result, found["checks"]),
             "thermal": _thermal_rows(sensor, result.get("thermal", {})),
             "calibration": calibration_table(sensor, result, found["checks"]),
+            "camera": camera_table(result),
         }
         for sensor, result in ordered
     ]
@@ -227,11 +229,11 @@ def _cell(noise: dict, thermal: dict, quantity: str, scale: float) -> dict[str, 
 
 
 def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
-    label, scale = units.field_unit(sensor, "rms_before")
     rows = []
     for axis in AXES:
         if not isinstance(found := thermal.get(axis), dict):
             continue
+        label, scale = units.field_unit(sensor, "rms_before")
         low, high = found["range"]
         if jump := found.get("jump"):
             model = f"jump at {jump['range'][0]:.1f} … {jump['range'][1]:.1f} °C"
@@ -256,15 +258,18 @@ def _thermal_rows(sensor: str, thermal: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _input_row(recording: dict[str, Any]) -> dict[str, str]:
     duration, rate = recording["duration_s"], recording["rate_hz"]
+    samples = f"{recording['samples']:,}".replace(",", "\u202f")
+    images = recording["kind"] == "images"
+    unknown = "–" if images else "unknown"
     return {
         "file": f"{recording['file']}, {recording['table']}"
         if "table" in recording
         else recording["file"],
         "sensor": recording["sensor"],
         "kind": recording["kind"],
-        "duration": "unknown" if duration is None else duration_words(duration),
-        "rate": "unknown" if rate is None else f"{rate:.6g} Hz",
-        "samples": f"{recording['samples']:,}".replace(",", "\u202f"),
+        "duration": unknown if duration is None else duration_words(duration),
+        "rate": unknown if rate is None else f"{rate:.6g} Hz",
+        "samples": f"{samples} images" if images else samples,
         "gaps": str(recording["gaps"]),
         "sha256": recording["sha256"],
         "unit": str(recording.get("unit", "")),

@@ -20,6 +20,7 @@ from sensorbook.reporting.calibrations import (
     size,
     without_interval,
 )
+from sensorbook.reporting.cameras import camera_numbers
 
 SCHEMA = Path(__file__).with_name("results.schema.json")
 
@@ -161,6 +162,10 @@ def csv_text(found: dict[str, Any]) -> str:
         for quantity, value in without_interval(result).items():
             row = (found["device"]["id"], sensor, "", quantity, result["calibration"]["method"])
             writer.writerow((*row, *_csv_row(sensor, quantity, value)))
+        for quantity, value in camera_numbers(result).items():
+            unit = (units.si_unit(sensor, quantity), units.field_unit(sensor, quantity)[0])
+            row = (found["device"]["id"], sensor, "", quantity, "", value, "", "", unit[0])
+            writer.writerow((*row, f"{value:.7g}", "", "", unit[1]))
         for method, by_axis in stated.items():
             for axis in AXES:
                 entries = by_axis.get(axis) if isinstance(by_axis, dict) else None

@@ -21,7 +21,13 @@ OUTLYING = 5.0  # robust standard deviations
 ALIKE = 1e-6  # robust standard deviation of the logarithm below which only rounding differs
 BINS = 24
 # Of these less is better, however far from the others.
-ERRORS = ("residual_percent", "residual_percent_check", "rms_check", "heading_error_after_deg")
+ERRORS = (
+    "residual_percent",
+    "residual_percent_check",
+    "rms_check",
+    "heading_error_after_deg",
+    "attitude_error_deg",
+)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,10 @@ NAMES = {
     "residual_percent_check": "Residual held out",
     "coverage_percent": "Coverage of directions",
     "heading_error_after_deg": "Heading error, corrected",
+    "solved_percent": "Images solved",
+    "earth_direction_std_deg": "Earth's direction, standard error",
+    "attitude_std_deg": "Attitude, standard error",
+    "attitude_error_deg": "Attitude, error",
 }
 SENSOR_NAMES = {
     ("gyroscope", "random_walk"): "Angle random walk N",
