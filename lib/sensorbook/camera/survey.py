@@ -18,14 +18,13 @@ from sensorbook.recordings.images import Images
 _KEPT = 60  # edge points of an image's limb that stay, to draw it small
 _SHOWN = 12  # images in a gallery
 _LISTED = 5  # names in an error
-_COLUMNS = _EARTH, _RADIUS, _SUN, _ATTITUDE, _STD, _ERROR, _RATIO = (
+_COLUMNS = _EARTH, _RADIUS, _SUN, _ATTITUDE, _STD, _ERROR = (
     "Earth [°]",
-    "its radius [°]",
+    "radius [°]",
     "Sun [°]",
     "attitude x, y, z, w",
     "± [°]",
     "error [°]",
-    "error/±",
 )
 
 
@@ -233,12 +232,12 @@ def _row(frame: Frame) -> dict[str, str]:
     if sun is not None and sun.direction is not None:
         row[_SUN] = f"{_place(sun.direction)} ±\u00a0{degrees(sun.std):.2g}"
     if frame.matrix is not None:
-        x, y, z, w = (f"{q:.5f}" for q in quaternion_from_matrix(frame.matrix))
+        x, y, z, w = (f"{q:.4f}" for q in quaternion_from_matrix(frame.matrix))
         row[_ATTITUDE] = f"{x},\u00a0{y}, {z},\u00a0{w}"
         row[_STD] = f"{degrees(attitude_std(frame)):.2g}"
     if frame.error is not None:
         size = np.linalg.norm(frame.error)
-        row[_ERROR], row[_RATIO] = f"{degrees(size):.3g}", f"{size / attitude_std(frame):.2f}"
+        row[_ERROR] = f"{degrees(size):.2g} ({size / attitude_std(frame):.1f}\u00a0×)"
     return row
 
 

@@ -192,6 +192,7 @@ class Device:
             if not isinstance(r, InputError)
             for finding in with_remedies(r.findings)
         ]
+        findings += [f for r in read if isinstance(r, Images) for f in r.unusable()]
         return list(dict.fromkeys(problems)), list(dict.fromkeys(findings))
 
     def advice(self) -> list[Finding]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sensorbook.errors import InputError, Problem
+from sensorbook.errors import InputError, Problem, Refusal
 from sensorbook.recordings.paths import resolve
 from sensorbook.recordings.poses import Pose, read_poses
 from sensorbook.recordings.recording import Finding, html_table, plain
@@ -49,6 +49,30 @@ class Images:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def unusable(self) -> list[Finding]:
+        """The images that cannot be read, or are none of this camera, by reason; reads all of them."""
+        from sensorbook.camera.model import Camera
+        from sensorbook.camera.picture import read_picture
+
+        camera = Camera.of(self.camera)
+        bad: dict[str, list[str]] = {}
+        for path, name in zip(self.paths, self.names, strict=True):
+            try:
+                read_picture(path, camera)
+            except Refusal as refusal:
+                bad.setdefault(refusal.reason, []).append(name)
+        return [
+            Finding(
+                names[0],
+                "",
+                "image",
+                reason
+                + (f"; so it is of {len(names) - 1} more, {names[1]} first" if names[1:] else ""),
+                "mend the image or the camera table; a report goes on without it",
+            )
+            for reason, names in bad.items()
+        ]
 
     def provenance(self) -> dict:
         """This recording's entry under `inputs` of results.json, in plain JSON types."""

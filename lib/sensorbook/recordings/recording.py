@@ -25,7 +25,8 @@ class Finding:
     file : name of the file, relative to the device folder
     where : sensor, column or time range
     kind : 'gap', 'duplicate', 'backward', 'nan', 'saturated', 'spike', 'resolution', 'rate', 'unit',
-        'temperature', 'guessed', 'merged', 'corrupt'; of `check` alone: 'short', 'moved', 'coverage'
+        'temperature', 'guessed', 'merged', 'corrupt', 'pose'; of `check` alone: 'short', 'moved',
+        'coverage', 'image'
     message : what was found, with its figures
     remedy : the better recording to make, or what to mend
     """
