@@ -19,6 +19,7 @@ from scipy.stats import poisson
 
 from sensorbook.attitude import davenport
 from sensorbook.camera.model import Camera
+from sensorbook.errors import Refusal
 
 LEAST = 4  # stars: three make a guess, and one confirms it
 LIMIT = 1e-6  # expected false solutions an image
@@ -61,8 +62,9 @@ class StarTable:
         tree = cKDTree(directions)
         count = (tree.count_neighbors(tree, widest) - len(directions)) // 2
         if count > _MOST_PAIRS:
-            raise ValueError(
-                f"{len(directions)} stars make {count} pairs in the field: shorten the catalogue"
+            raise Refusal(
+                f"{len(directions)} stars make {count} pairs in the field, more than a table holds.",
+                "Shorten the catalogue: a wide field sees enough bright stars.",
             )
         pairs = tree.query_pairs(widest, output_type="ndarray")
         angles = _angle(directions[pairs[:, 0]], directions[pairs[:, 1]])
@@ -165,6 +167,16 @@ def expected_false_triangles(stars: int, side: float, sine: float, tolerance: Ar
     tolerance : (3,), rad, τ₁₂, τ₁₃, τ₂₃ that the angles may be off
     """
     return float(stars**3 * np.sin(side) * np.prod(tolerance) / (np.pi * sine))
+
+
+def expected_false_names(stars: int, rays: np.ndarray, std: np.ndarray) -> dict[int, float]:
+    """How many ways chance leaves to name the first 2, 3 and 4 of spots (K, 3), known to `std` (K,), rad."""
+    side, sine = _angle(rays[0], rays[1]), _sines(rays[:3])[2]
+    reach = REACH * np.hypot(std[[0, 0, 1]], std[[1, 2, 2]])
+    pairs = stars**2 * np.sin(side) * reach[0]
+    triangles = expected_false_triangles(stars, side, sine, reach)
+    fourth = stars * (REACH * std[3]) ** 2 / 4
+    return {2: float(pairs), 3: triangles, 4: float(triangles * fourth)}
 
 
 def _triples(count: int) -> Iterator[tuple[int, int, int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
@@ -117,8 +118,15 @@ def plot_identified(
     for pixel, star in zip(
         found.blobs.pixels[named][:_MOST_NAMED], found.matched[named], strict=False
     ):
+        late = pixel[0] > 0.9 * camera.width
         axes.annotate(
-            str(star), pixel, (5, 5), textcoords="offset points", fontsize=7, color=MATCHED
+            str(star),
+            pixel,
+            (-5 if late else 5, 5),
+            textcoords="offset points",
+            ha="right" if late else "left",
+            fontsize=7,
+            color=MATCHED,
         )
     return _legend(axes)
 
@@ -200,10 +208,11 @@ def plot_share(
 
 
 def _image(image: np.ndarray, axes: Axes | None) -> Axes:
-    """The image as a negative, stretched so that faint stars show; its largest values run into black."""
+    """The image as a negative, its background white; in a large one spots are drawn wider, to be seen."""
     axes = new_axes(axes, height=WIDTH * min(image.shape[0] / image.shape[1], 1.2))
-    low = np.median(image)
-    axes.imshow(image, cmap="gray_r", vmin=low - 0.5, vmax=low + 12, interpolation="nearest")
+    low, wider = float(np.median(image)), 1 + 2 * (image.shape[1] // 500)
+    shown = cv2.dilate(image, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wider, wider)))
+    axes.imshow(shown, cmap="gray_r", vmin=low + 2, vmax=low + 8, interpolation="nearest")
     axes.set(xlabel="x [pixels]", ylabel="y [pixels]")
     axes.set(xlim=(-0.5, image.shape[1] - 0.5), ylim=(image.shape[0] - 0.5, -0.5))
     return axes
