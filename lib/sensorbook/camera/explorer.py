@@ -185,7 +185,9 @@ class Exploration:
         }
         rows = [f"{name} [°]" for name in ("yaw", "pitch", "roll")]
         rows += [f"error about {axis} [°]" for axis in "xyz"] + ["whole error [°]"]
-        return pd.DataFrame({k: np.degrees(v).round(3) for k, v in columns.items()}, index=rows)
+        return pd.DataFrame(
+            {k: np.degrees(v).round(3) + 0.0 for k, v in columns.items()}, index=rows
+        )
 
     def _repr_html_(self) -> str:
         said = [self.status] if self.status != "ok" else []

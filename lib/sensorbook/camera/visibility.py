@@ -86,9 +86,9 @@ def why_none(settings: Settings, found: ImageAttitude) -> str:
     """Why there is no attitude, in the geometry's words where it tells, and what to do."""
     said = []
     if found.sun.status != "ok":
-        said.append(_no_sun(settings, found))
+        said.append(_no_sun(settings))
     if found.limb.status != "ok":
-        said.append(_no_limb(settings, found))
+        said.append(_no_limb(settings))
     said.append(_what_to_do(settings))
     return " ".join(said)
 
@@ -106,7 +106,7 @@ def _what_to_do(settings: Settings) -> str:
     return f"Move the satellite along its orbit: no attitude shows both from here, as {reason}."
 
 
-def _no_sun(settings: Settings, found: ImageAttitude) -> str:
+def _no_sun(settings: Settings) -> str:
     above, size = _sun_above_limb(settings), np.arctan(SUN_RADIUS / SUN_DISTANCE)
     camera = settings.sun_camera
     seen = camera.to_body.T @ settings.attitude @ settings.sun
@@ -120,11 +120,11 @@ def _no_sun(settings: Settings, found: ImageAttitude) -> str:
         return "The Earth hides a part of the Sun."
     if not camera.sees(seen, 3):
         return f"The border of the {name}'s view cuts the Sun."
-    near = "the limb is too near to it" if above < _CLEAR else found.sun.status
-    return f"The Sun is in the {name}'s view, but was not made out: {near}."
+    near = ", so near to the limb" if above < _CLEAR else ""
+    return f"The Sun is in the {name}'s view, but was not told from the rest of the picture{near}."
 
 
-def _no_limb(settings: Settings, found: ImageAttitude) -> str:
+def _no_limb(settings: Settings) -> str:
     camera = settings.earth_camera
     limb, lit = _limb(settings, np.radians(1))
     to_camera = camera.to_body.T @ settings.attitude
@@ -144,4 +144,4 @@ def _no_limb(settings: Settings, found: ImageAttitude) -> str:
             f"Only {bright}° of the lit limb around the Earth are in the {name}'s view, too little "
             f"to tell it by.{night}"
         )
-    return f"{bright}° of lit limb are in the {name}'s view, but were not made out: {found.limb.status}."
+    return f"{bright}° of lit limb are in the {name}'s view, but were not told from the rest of the picture."
