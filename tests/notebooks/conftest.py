@@ -39,6 +39,12 @@ def turned(turned_folder) -> Report:
 
 
 @pytest.fixture(scope="session")
+def orbiting_folder(demo_folder) -> Path:
+    """Work C's cameras in low orbit."""
+    return simulate(demo_folder.with_name("leo-demo"), "leo")
+
+
+@pytest.fixture(scope="session")
 def phone_folder(demo_folder) -> Path:
     """Work B's phone."""
     return simulate(demo_folder.with_name("phone-demo"), "phone")
