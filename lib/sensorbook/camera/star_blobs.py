@@ -18,6 +18,7 @@ REASONS = ("", "saturated", "cut by the edge", "too large", "too narrow", "too w
 _OK, _SATURATED, _CUT, _LARGE, _NARROW, _WIDE, _LONG = range(len(REASONS))
 _BLOCK = 64  # pixels, over which the background is even
 _ROUNDING = 12**-0.5  # DN, of whole numbers
+_CLIPS = 6
 _MOST_BLOBS = 1000
 _STEPS = 12
 # How broad a spot is, as a share: ½ where it is as wide as the weight, 1 for a point, 0 for a plain.
@@ -111,27 +112,39 @@ def find_blobs(
 
 
 def _background(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Background and standard deviation of its noise, DN, (height, width) each, float32.
+    """Background and standard deviation of its noise, DN, (height, width) each, float32."""
+    level, _ = _even(image.astype(np.float32))
+    _, spread = _even(image - level)
+    return level, np.maximum(spread, _ROUNDING)
 
-    Of each block what is near its median; the median of 3 × 3 blocks takes out what fills one.
+
+def _even(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation about every pixel of what is no spot, (height, width), float32.
+
+    Of each block without what is far from its mean; the median of 3 × 3 blocks takes out what fills one.
     """
-    height, width = image.shape
+    height, width = values.shape
     down, across = -(-height // _BLOCK), -(-width // _BLOCK)
-    padded = cv2.copyMakeBorder(
-        image, 0, down * _BLOCK - height, 0, across * _BLOCK - width, cv2.BORDER_REPLICATE
-    )
+    below, right = down * _BLOCK - height, across * _BLOCK - width
+    padded = cv2.copyMakeBorder(values, 0, below, 0, right, cv2.BORDER_REFLECT)
     blocks = padded.reshape(down, _BLOCK, across, _BLOCK).swapaxes(1, 2).reshape(down, across, -1)
-    blocks = blocks[..., ::3].astype(np.float32)  # a third tells as much
-    middle = np.median(blocks, axis=-1, keepdims=True)
-    # Whole numbers make the median deviation coarse: not below one DN.
-    reach = 3 * np.maximum(1.4826 * np.median(np.abs(blocks - middle), axis=-1, keepdims=True), 1)
-    kept = np.where(np.abs(blocks - middle) <= reach, blocks, np.nan)
-    level, spread = np.nanmean(kept, axis=-1), np.nanstd(kept, axis=-1)
+    blocks = blocks[..., ::5]  # a fifth tells as much
+    kept = np.ones(blocks.shape, dtype=bool)
+    for _ in range(_CLIPS):
+        count = kept.sum(axis=-1, keepdims=True)
+        mean = (blocks * kept).sum(axis=-1, keepdims=True) / count
+        far = (blocks - mean) ** 2
+        square = (far * kept).sum(axis=-1, keepdims=True) / count
+        # A block of one value keeps it all.
+        kept = far <= np.maximum(3.5**2 * square, 1e-6)
     maps = []
-    for each in (level, np.maximum(spread, _ROUNDING)):
-        calm = cv2.medianBlur(np.ascontiguousarray(each, dtype=np.float32), 3)
-        size = across * _BLOCK, down * _BLOCK
-        maps.append(cv2.resize(calm, size, interpolation=cv2.INTER_LINEAR)[:height, :width])
+    for each in (mean[..., 0], np.sqrt(square[..., 0])):
+        calm = cv2.medianBlur(each.astype(np.float32), 3)
+        # One more block on each side, on the straight line of the last two.
+        wider = np.pad(calm, 1, mode="reflect", reflect_type="odd")
+        size = (across + 2) * _BLOCK, (down + 2) * _BLOCK
+        full = cv2.resize(wider, size, interpolation=cv2.INTER_LINEAR)
+        maps.append(full[_BLOCK : _BLOCK + height, _BLOCK : _BLOCK + width])
     return maps[0], maps[1]
 
 
