@@ -10,7 +10,7 @@ import numpy as np
 
 from sensorbook.errors import InputError, Problem
 
-AIR = 0.15  # brightness of the air, so that the sea is not black; as `scene.texture` has it
+AIR = 0.2  # brightness of the air before it: a dark sea is as bright as that of `scene.texture`
 
 
 def blue_marble() -> np.ndarray:
