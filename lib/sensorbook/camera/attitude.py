@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sensorbook.attitude import two_vector
 from sensorbook.attitude.rotations import matrix_from_axis_angle
-from sensorbook.camera.limb import Limb, across_of, around, find_limb, weighted
+from sensorbook.camera.guided import guided_edges
+from sensorbook.camera.limb import Limb, across_of, around, find_limb, fit_limb, weighted
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS
 from sensorbook.camera.sun import Sun, find_sun
 
+FEW = 40  # edge points: so few may lie on a limb by chance, and are looked at again
 HAZE, HAZE_STD = 10e3, 15e3  # m: where the air's brightness ends, seen from space
 
 
@@ -68,12 +70,16 @@ def attitude_from_image(
     sun_camera = camera if sun_view is None else sun_view[1]
     seen = find_sun(*(sun_view or (image, camera)))
     to_sun = None if seen.direction is None else sun_camera.to_body @ seen.direction
-    limb = find_limb(
-        image,
-        camera,
-        None if to_sun is None else camera.to_body.T @ to_sun,
-        expected_radius(size, semi_axes.mean()),
-    )
+    its_sun = None if to_sun is None else camera.to_body.T @ to_sun
+    radius = expected_radius(size, semi_axes.mean())
+    limb = find_limb(image, camera, its_sun, radius)
+    if its_sun is not None and limb.used.sum() < FEW:
+        apart = np.arccos(np.clip(-position @ sun / size, -1, 1))
+        edges = guided_edges(image, camera, its_sun, apart, radius[0])
+        if edges is not None:
+            limb = fit_limb(edges, camera, its_sun, radius)
+        elif limb.status == "ok":
+            limb = replace(limb, direction=None, status="limb too faint")
     missing = [what.status for what in (seen, limb) if what.status != "ok"]
     if missing:
         return ImageAttitude(seen, limb, None, None, "no solution: " + ", ".join(missing))

@@ -17,6 +17,7 @@ _EDGE, _WEAK = 7.0, 4.0  # of the gradient's own noise: an edge starts, and goes
 # 20 km reaches eight pixels at the rim of a wide camera in low orbit.
 _OUTSIDE = ((8.0, 0.4), (14.0, 0.12))
 _PROFILE, _INSIDE = 6, 4  # pixels outside and inside of an edge that its profile has
+_RISE = 4.0  # of the noise after the smoothing: an edge's height
 _PROFILE_BLUR = 0.8  # pixels, smoothing before it
 
 # √depth spread by a unit normal width, and its slope.
@@ -68,7 +69,8 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
     dx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
     dy = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8)
     size = np.hypot(dx, dy)
-    noise = _gradient_noise(image)
+    grain = pixel_noise(image)
+    noise = grain * _GRADIENT
     scale = 4000 / max(float(size.max()), 1e-6)
     edges = cv2.Canny(
         np.clip(dx * scale, -32000, 32000).astype(np.int16),
@@ -88,22 +90,23 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
     inward /= np.maximum(np.linalg.norm(inward, axis=-1, keepdims=True), 1e-12)
     pixels = np.stack([columns, rows], axis=-1).astype(float)
     pixels += _peak(size, pixels, inward)[:, None] * inward
-    grain = noise * _SMOOTHED / _GRADIENT
+    smoothed = grain * _SMOOTHED
     some = smooth[::8, ::8]
-    dark = float(np.median(some[some <= np.percentile(some, 2) + 4 * grain]))
+    dark = float(np.median(some[some <= np.percentile(some, 2) + 4 * smoothed]))
     # A thin crescent is brightest, and dark again, sooner.
-    inside = np.maximum(*(_sample(smooth, pixels + k * inward) for k in (1.5, 3.0)))
-    good = inside > dark + 5 * grain
+    inside = np.maximum(*(sample(smooth, pixels + k * inward) for k in (1.5, 3.0)))
+    good = inside > dark + 5 * smoothed
     for away, part in _OUTSIDE:
-        allowed = dark + np.maximum(4 * grain, part * (inside - dark))
-        good &= _sample(smooth, pixels - away * inward) <= allowed
+        allowed = dark + np.maximum(4 * smoothed, part * (inside - dark))
+        good &= sample(smooth, pixels - away * inward) <= allowed
     if sun is not None and np.isfinite(sun).all():  # NaN: behind the camera
         good &= np.linalg.norm(pixels - sun, axis=-1) > 15 + 3 * 0.005 * camera.focal_px
-    return _placed(image, Edges(pixels[good], inward[good], np.ones(good.sum())), noise / _GRADIENT)
+    return placed(image, Edges(pixels[good], inward[good], np.ones(good.sum())), grain)
 
 
-def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
-    """Edges put where the brightness profile across them begins.
+def placed(image: np.ndarray, edges: Edges, grain: float, least: float = _RISE) -> Edges:
+    """Edges put where the brightness profile across them begins; `grain` is a pixel's noise, DN, and an
+    edge rises by `least` times what the smoothing leaves of it.
 
     A lit ball's brightness changes as the square root of the depth behind its limb, because its
     ground turns so quickly there; the steepest place of the image lies up to a pixel outside. The profile
@@ -115,7 +118,7 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _PROFILE_BLUR)
     along = np.arange(-_PROFILE, _INSIDE + 1.0)
     places = edges.pixels[:, None] + along[:, None] * edges.inward[:, None]
-    values = _sample(smooth, places.reshape(-1, 2)).reshape(len(places), -1)
+    values = sample(smooth, places.reshape(-1, 2)).reshape(len(places), -1)
     # Beyond the brightest place of a thin crescent, or of a cloud, the profile says nothing of the limb.
     base, top = values[:, :3].mean(axis=-1), values.max(axis=-1)
     thin = values[:, -1] - base < 0.5 * (top - base)
@@ -145,7 +148,7 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
         place = place + np.clip(
             (left * (values - model)).sum(axis=-1) / np.maximum(size, 1e-9), -0.5, 0.5
         )
-    grain = noise / (2 * np.sqrt(np.pi) * _PROFILE_BLUR)
+    grain = grain / (2 * np.sqrt(np.pi) * _PROFILE_BLUR)
     # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
     # ground's own pattern is in it.
     misfit = np.maximum(((values - model) ** 2).sum(axis=-1) / seen.sum(axis=-1) / grain**2, 1.0)
@@ -154,7 +157,7 @@ def _placed(image: np.ndarray, edges: Edges, noise: float) -> Edges:
     )
     # A thin crescent is dark again at the profile's end.
     rise = model.max(axis=-1) - heights[:, 0]
-    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > 4 * grain)
+    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > least * grain)
     return Edges(
         edges.pixels[good] + place[good, None] * edges.inward[good], edges.inward[good], sigma[good]
     )
@@ -164,30 +167,29 @@ def _bell(u):
     return np.exp(-0.5 * u**2) / np.sqrt(2 * np.pi)
 
 
-def _gradient_noise(image: np.ndarray) -> float:
-    """Standard deviation of one component of the smoothed gradient, DN a pixel, from the image itself.
+def pixel_noise(image: np.ndarray) -> float:
+    """Standard deviation of one pixel, DN, from the image itself.
 
     From differences of neighbours, which pictures have few of; a clipped dark sky has less than its own
-    noise, so that a floor of 1 DN a pixel is kept. Where nearly all neighbours are equal there is none, and
-    the few differences are the edges themselves.
+    noise, so that a floor of 1 DN is kept. Where nearly all neighbours are equal there is none, and the
+    few differences are the edges themselves.
     """
     thin = image[::4].astype(np.float32)
     pairs = np.abs(np.diff(thin, axis=1))
     unequal = pairs[pairs > 0]
-    single = 1.0
     if len(unequal) > 0.05 * pairs.size:
-        single = max(1.4826 * float(np.median(unequal)) / np.sqrt(2), 1.0)
-    return single * _GRADIENT
+        return max(1.4826 * float(np.median(unequal)) / np.sqrt(2), 1.0)
+    return 1.0
 
 
 def _peak(size: np.ndarray, pixels: np.ndarray, inward: np.ndarray) -> np.ndarray:
     """Where the gradient's size is largest along the gradient: a parabola's top, pixels, within ±1."""
-    low, middle, high = (_sample(size, pixels + k * inward) for k in (-1.0, 0.0, 1.0))
+    low, middle, high = (sample(size, pixels + k * inward) for k in (-1.0, 0.0, 1.0))
     bend = low - 2 * middle + high
     return np.clip(0.5 * (low - high) / np.where(bend < 0, bend, -1e9), -1, 1)
 
 
-def _sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Values between pixels (N, 2), bilinear; those outside are the border's."""
     if not len(pixels):
         return np.empty(0)
