@@ -241,6 +241,14 @@ def test_what_has_no_solution_is_said(made, expected):
     assert expected.replace("'", "&#x27;") in seen._repr_html_()
 
 
+def test_what_drowns_in_noise_is_said():
+    seen = explore(replace(proposed(cameras=2), noise=60.0))
+    assert seen.status == (
+        "The Sun is in the Sun camera's view, but not told from the rest of the picture. "
+        "Lower the noise, or turn the satellite."
+    )
+
+
 def test_chain_without_a_sun_says_so():
     seen = explore(sunward(70))
     assert seen.chain_matrix is None

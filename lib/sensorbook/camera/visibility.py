@@ -19,6 +19,7 @@ _STEP = np.radians(4)  # between the points of the limb that a view is judged by
 _TRIALS = 4000
 _MARGIN = 40  # pixels that a proposed attitude keeps the Sun from the border
 _CLEAR = np.radians(2)  # of the limb, for the Sun to be told from it
+_UNTOLD = "not told from the rest of the picture"
 _STEEPEST = 60  # degrees, pitch of a proposed attitude: far from where the angles lock
 
 
@@ -89,7 +90,8 @@ def why_none(settings: Settings, found: ImageAttitude) -> str:
         said.append(_no_sun(settings))
     if found.limb.status != "ok":
         said.append(_no_limb(settings))
-    said.append(_what_to_do(settings))
+    untold = all(_UNTOLD in one for one in said)
+    said.append("Lower the noise, or turn the satellite." if untold else _what_to_do(settings))
     return " ".join(said)
 
 
@@ -121,7 +123,7 @@ def _no_sun(settings: Settings) -> str:
     if not camera.sees(seen, 3):
         return f"The border of the {name}'s view cuts the Sun."
     near = ", so near to the limb" if above < _CLEAR else ""
-    return f"The Sun is in the {name}'s view, but was not told from the rest of the picture{near}."
+    return f"The Sun is in the {name}'s view, but {_UNTOLD}{near}."
 
 
 def _no_limb(settings: Settings) -> str:
@@ -144,4 +146,4 @@ def _no_limb(settings: Settings) -> str:
             f"Only {bright}° of the lit limb around the Earth are in the {name}'s view, too little "
             f"to tell it by.{night}"
         )
-    return f"{bright}° of lit limb are in the {name}'s view, but were not told from the rest of the picture."
+    return f"{bright}° of lit limb are in the {name}'s view, but {_UNTOLD}."
