@@ -45,6 +45,11 @@ def camera_numbers(result: Mapping[str, Any]) -> dict[str, float]:
     return {quantity: number for quantity, number in numbers.items() if number is not None}
 
 
+def cameras_alone(found: Mapping[str, Any]) -> bool:
+    """Whether a results.json is of cameras alone, on which no limits can be set."""
+    return {chapter["sensor"] for chapter in found["chapters"]} == {"camera"}
+
+
 def camera_table(result: Mapping[str, Any]) -> dict[str, Any] | None:
     """The same as rows of text for a device's page, and its images without solution by reason."""
     images, numbers = _images(result), camera_numbers(result)

@@ -13,7 +13,7 @@ from sensorbook import units
 from sensorbook.notebook import duration_words
 from sensorbook.reporting.calibration_table import calibration_table
 from sensorbook.reporting.calibrations import AXES, CALIBRATED
-from sensorbook.reporting.cameras import camera_table
+from sensorbook.reporting.cameras import camera_table, cameras_alone
 from sensorbook.reporting.chapters import CHAPTERS
 from sensorbook.reporting.render import page
 from sensorbook.reporting.results import overall
@@ -122,7 +122,9 @@ def _banner(found: dict[str, Any]) -> dict[str, Any]:
     if verdict == "pass":
         lines = [f"Closest to its limit: {check_words(max(checks, key=_nearness), found)}"]
     words = {
-        None: "No limits given: a [spec] table in device.toml has the device judged against it.",
+        None: "A camera is judged against no limits: what its images gave stands below."
+        if cameras_alone(found)
+        else "No limits given: a [spec] table in device.toml has the device judged against it.",
         "pass": f"✓ Within its limits: all {len(checks)} checks passed.",
         "fail": f"✗ Outside its limits: {count['fail']} of {len(checks)} checks failed.",
         "undecided": f"? Not decided: {count['undecided']} of {len(checks)} checks"
