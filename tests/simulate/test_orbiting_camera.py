@@ -18,7 +18,7 @@ from sensorbook.simulate import simulate
 from sensorbook.simulate.camera import CAMERAS, PLANES, START, frames, places
 from sensorbook.simulate.folder import SimulatedDevice, write
 
-# Of all frames of one camera of seeds 0 to 7, three orbits, the largest error was 0.08°.
+# Of 180 frames and pairs, seeds 0 to 5 of three orbits, the largest error was 0.08°.
 TOLERANCE = 0.1  # degrees
 
 
@@ -190,7 +190,7 @@ def test_one_camera_finds_its_attitude(recordings, truth):
 def test_two_cameras_find_their_attitude(recordings, truth):
     down, up = recordings["earth"], recordings["sun"]
     looks_down, looks_up = Camera.of(down.camera), Camera.of(up.camera)
-    errors, statuses = [], []
+    statuses = []
     for name, other in zip(down.names, up.names, strict=True):
         pose = down.poses[name]
         sun = sun_direction(pose.time, pose.position)
@@ -203,10 +203,8 @@ def test_two_cameras_find_their_attitude(recordings, truth):
         )
         statuses.append(found.status)
         if found.matrix is not None:
-            errors.append(degrees_off(found, truth[name]["quaternion"]))
+            assert degrees_off(found, truth[name]["quaternion"]) < TOLERANCE, name
     assert statuses == ["ok"] * 4 + ["no solution: Sun not in view"]
-    # Single pairs, with 20° of limb in a corner, may err by 0.3°.
-    assert np.median(errors) < TOLERANCE
 
 
 @pytest.mark.parametrize("orbit", ["meo", "geo"])

@@ -6,7 +6,7 @@ One camera for both bodies, and a pair of which one looks for the Earth and one 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from itertools import islice
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,7 +15,7 @@ from sensorbook.attitude.frames import circular_orbit
 from sensorbook.attitude.rotations import quaternion_from_matrix
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_CAMERA, EARTH_RADIUS, HEIGHTS, Scene, render, texture
-from sensorbook.camera.study import LEAST_ARC, both_in_view, lit_limb_in_view
+from sensorbook.camera.study import lit_limb_in_view
 from sensorbook.earth import EQUATOR_RADIUS, GRAVITATION, sun_direction
 from sensorbook.simulate.folder import SimulatedDevice
 
@@ -27,6 +27,7 @@ PLANES = {"leo": (82.0, 150.0), "meo": (55.0, 120.0), "geo": (0.0, 0.0)}
 NEAREST, FARTHEST = np.radians(30), np.radians(95)
 NOISE = 2.0  # DN
 ALONE, PAIRS = 8, 5  # frames, of which the last lack something: two and one
+ARC = 60  # degrees of lit limb in view, at least: more than a sliver at the image's edge
 CLEAR = np.radians(1)  # from the image to the limb where the Earth is out of view
 
 _left, _, _right = np.linalg.svd(EARTH_CAMERA)
@@ -83,52 +84,32 @@ def places(orbit: str, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return times[chosen], position[chosen].round(3) + 0.0, sun[chosen]
 
 
-def draw_attitude(rng: np.random.Generator, fits: Callable[[np.ndarray], bool]) -> np.ndarray:
-    """A random attitude (3, 3), body from inertial, of those that fit."""
+def draw_attitude(
+    rng: np.random.Generator,
+    kind: str,
+    looks_down: Camera,
+    looks_up: Camera,
+    position: np.ndarray,
+    sun: np.ndarray,
+) -> np.ndarray:
+    """A random attitude (3, 3), body from inertial, of those with "both" bodies in view, the Earth of
+    one camera and the Sun of the other or the same, or with "no sun" or "no earth"."""
     while True:
         attitude = Rotation.random(rng=rng).as_matrix()
-        if fits(attitude):
+        to_sun = looks_up.to_body.T @ attitude @ sun
+        # Of its disc, some 5 pixels across in the corners, all or nothing.
+        if looks_up.sees(to_sun, -10 if kind == "no sun" else 5) == (kind == "no sun"):
+            continue
+        to_camera = looks_down.to_body.T @ attitude
+        if kind == "no earth":
+            fits = _no_earth(position, to_camera, looks_down)
+        else:
+            fits = lit_limb_in_view(position, sun, to_camera, looks_down) >= ARC
+        if fits:
             return attitude
 
 
-def one_camera(kind: str, position: np.ndarray, sun: np.ndarray) -> Callable[[np.ndarray], bool]:
-    """Which attitudes have "both" bodies in view of the one camera, "no sun", or "no earth"."""
-    camera = CAMERAS["one"]
-
-    def fits(attitude: np.ndarray) -> bool:
-        if kind == "both":
-            return both_in_view(position, sun, attitude, camera)
-        if kind == "no sun":
-            return _earth(position, sun, attitude, camera) and _no_sun(sun, attitude, camera)
-        return camera.sees(attitude @ sun, 5) and _no_earth(position, attitude, camera)
-
-    return fits
-
-
-def two_cameras(kind: str, position: np.ndarray, sun: np.ndarray) -> Callable[[np.ndarray], bool]:
-    """Which attitudes have "both" bodies in view, each of its own camera, or "no sun"."""
-    looks_down, looks_up = CAMERAS["earth"], CAMERAS["sun"]
-
-    def fits(attitude: np.ndarray) -> bool:
-        if kind == "both" and not looks_up.sees(attitude @ sun, 5):
-            return False
-        if kind == "no sun" and not _no_sun(sun, attitude, looks_up):
-            return False
-        return _earth(position, sun, looks_down.to_body.T @ attitude, looks_down)
-
-    return fits
-
-
-def _earth(position, sun, to_camera, camera) -> bool:
-    return lit_limb_in_view(position, sun, to_camera, camera) >= LEAST_ARC
-
-
-def _no_sun(sun, to_camera, camera) -> bool:
-    """Nothing of its disc is in view: some 5 pixels across in the corners of these cameras."""
-    return not camera.sees(to_camera @ sun, -10)
-
-
-def _no_earth(position, to_camera, camera) -> bool:
+def _no_earth(position: np.ndarray, to_camera: np.ndarray, camera: Camera) -> bool:
     """Nothing of the ground is in view, lit or not."""
     distance = np.linalg.norm(position)
     down, size = to_camera @ -position / distance, np.arcsin(EARTH_RADIUS / distance)
@@ -158,17 +139,17 @@ def frames(
     Sun; where fewer are asked for, the first are made.
     """
     painted = texture(int(rng.integers(2**31)))
-    both = ["both"] * (ALONE - 2)
     shots = [
-        (("one",), one_camera, alone, [*both, "no sun", "no earth"]),
-        (("earth", "sun"), two_cameras, pairs, ["both"] * (PAIRS - 1) + ["no sun"]),
+        (("one",), alone, ["both"] * (ALONE - 2) + ["no sun", "no earth"]),
+        (("earth", "sun"), pairs, ["both"] * (PAIRS - 1) + ["no sun"]),
     ]
     images, truth = {}, {}
     poses = {name: [] for name in ("image", "time", "x", "y", "z", "qx", "qy", "qz", "qw")}
-    for folders, in_view, wanted, kinds in shots:
+    for folders, wanted, kinds in shots:
+        looks_down, looks_up = CAMERAS[folders[0]], CAMERAS[folders[-1]]
         whole = zip(kinds, *places(orbit, len(kinds)), strict=True)
-        for number, (kind, time, position, sun) in enumerate(list(whole)[:wanted], start=1):
-            attitude = draw_attitude(rng, in_view(kind, position, sun))
+        for number, (kind, time, position, sun) in enumerate(islice(whole, wanted), start=1):
+            attitude = draw_attitude(rng, kind, looks_down, looks_up, position, sun)
             scene = Scene(position, sun, lit="lambert", texture=painted, noise=NOISE)
             for folder in folders:
                 name = f"{folder}/{number:04d}.png"
