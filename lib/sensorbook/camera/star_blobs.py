@@ -19,7 +19,7 @@ _OK, _SATURATED, _CUT, _LARGE, _NARROW, _WIDE, _LONG = range(len(REASONS))
 _BLOCK = 64  # pixels, over which the background is even
 _ROUNDING = 12**-0.5  # DN, of whole numbers
 _CLIPS = 6
-_MOST_BLOBS = 1000
+_MOST_BLOBS = 3000
 _STEPS = 12
 # How broad a spot is, as a share: ½ where it is as wide as the weight, 1 for a point, 0 for a plain.
 _NARROWEST, _WIDEST, _ROUNDEST = 0.72, 0.3, 0.15

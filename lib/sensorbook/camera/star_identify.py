@@ -148,10 +148,13 @@ def nearest(
     """
     distance, star = table.tree.query(rays @ matrix)
     star = np.where(distance < reach, star, -1)
-    for k in np.argsort(-distance, kind="stable"):
-        if star[k] >= 0 and (star == star[k]).sum() > 1:
-            star[k] = -1
-    return star
+    near_first = np.argsort(distance, kind="stable")
+    near_first = near_first[star[near_first] >= 0]
+    _, first = np.unique(star[near_first], return_index=True)
+    kept = near_first[first]
+    named = np.full(len(star), -1)
+    named[kept] = star[kept]
+    return named
 
 
 def expected_false_triangles(stars: int, side: float, sine: float, tolerance: ArrayLike) -> float:
