@@ -18,13 +18,12 @@ _BLUR = 1.0  # pixels
 _INSIDE, _OUTSIDE = 1.5, (2.5, 4.0, 5.5)  # pixels from the limb, where brightness is compared
 _RISE = 2.0  # of the noise, at every point
 _POINTS = 120  # around the limb
-_LEAST = 3.5  # standard errors of the noise that the limb stands out by; noise alone: 1.4, at most 2.2
-_AHEAD = 1.6  # times that of any other place
-_POINTS = 120  # around the limb
 _LEAST = (
-    4.5  # standard errors of the noise that the limb stands out by; of noise alone it is 3 at most
+    3.5  # standard errors of the noise that the limb stands out by; noise alone: 1.4, at most 2.2
 )
-_AHEAD = 1.8  # times that of any other place
+_AHEAD = 1.6  # times that of any other place
+_QUARTER = 0.8  # standard errors that three of the arc's quarters stand out by
+_SHARE = 0.6  # of the limb that is brighter than what is outside: a spot on it is no limb
 
 
 def guided_edges(
@@ -73,7 +72,9 @@ def guided_edges(
     apart = np.abs((np.arange(steps) - best + steps // 2) % steps - steps // 2)
     # A place less than a radius away shares some of the same limb.
     rival = votes[apart * pixel > radius].max(initial=0.0)
-    if votes[best] < _LEAST or votes[best] < _AHEAD * rival:
+    if votes[best] < max(_LEAST, _AHEAD * rival):
+        return None
+    if not _everywhere(weights[best], rise[best] / smoothed):
         return None
     # A point a pixel, along the lit part that is in view.
     count = max(int(2 * np.pi * np.sin(radius) / pixel), _POINTS)
@@ -85,6 +86,20 @@ def guided_edges(
     inside = camera.sees(there @ turns[best], 6)
     inward = inward[inside] / np.linalg.norm(inward[inside], axis=-1, keepdims=True)
     return placed(image, Edges(pixels[inside], inward, np.ones(inside.sum())), grain, _RISE)
+
+
+def _everywhere(weight: np.ndarray, rise: np.ndarray) -> bool:
+    """Whether the limb stands out along its arc, not at one spot: weights (K,), rises (K,) over noise."""
+    if (weight * (rise > 0)).sum() < _SHARE * weight.sum():
+        return False
+    # From where the arc begins: it may run through the first direction.
+    seen = np.flatnonzero(weight > 0)
+    gap = np.argmax(np.diff(seen, append=seen[0] + len(weight)))
+    seen = np.roll(seen, -1 - gap)
+    quarter = np.minimum(4 * np.cumsum(weight[seen] ** 2) / (weight**2).sum(), 3.999).astype(int)
+    votes = np.bincount(quarter, weight[seen] * rise[seen], 4)
+    size = np.sqrt(np.bincount(quarter, weight[seen] ** 2, 4))
+    return int((votes > _QUARTER * size).sum()) >= 3
 
 
 def _contrast(smooth, camera, turns, inner, outers):

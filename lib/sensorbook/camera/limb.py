@@ -20,12 +20,23 @@ _INLIER = 1.5  # pixels
 _ALIGNED = 0.8  # cosine between an edge's gradient and the way to the centre
 _TUKEY = 4.685  # of the scale: 95 % efficient on normal errors
 _LEAST_SCALE = 0.5  # of the stated standard errors: few points may agree by chance
-_COPIES = 4.0  # neighbours that share their error at least: the smoothing's, and the pixels' own grid
+_COPIES = (
+    4.0  # neighbours that share their error at least: the smoothing's, and the pixels' own grid
+)
 _COMMON = 0.02  # pixels that all edges may be off alike, out or in
 _UNLIKE = 0.05  # correlation of residuals along the limb that is none
 LEAST_POINTS = 12
+_OTHER = 0.15  # of the expected radius: a body that is off by more may be another
 _LEAST_SHARE = 0.25  # of the edges that look out on dark space: scattered ones make no limb
-_SMALLER = (2, 3, 4, 6, 8, 12, 16)  # of how many pixels one is made, where the image shows no limb as it is
+_SMALLER = (
+    2,
+    3,
+    4,
+    6,
+    8,
+    12,
+    16,
+)  # of how many pixels one is made, where the image shows no limb as it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +166,10 @@ def fit_limb(
         near = np.clip(_TUKEY * spread, _INLIER, 3 * _INLIER)
     size = np.linalg.norm(normal)
     residuals = _off(normal, rays, across)
-    if not size > 1:
+    if not size > 1 or (
+        radius is not None
+        and _of_another(normal, rays[used], across[used], edges.sigma[used], radius)
+    ):
         return Limb(None, None, None, None, edges.pixels, *nothing, "no limb among the edges")
     return Limb(
         normal / size,
@@ -170,6 +184,18 @@ def fit_limb(
         rays,
         across,
     )
+
+
+def _of_another(h, rays, across, sigma, radius) -> bool:
+    """Whether edge points, left free, tell of a body of a size that is not the Earth's.
+
+    An arc of a small disc, the Moon's, lies on a larger circle for some way.
+    """
+    free, covariance, _ = refined_cone(h, rays, across, sigma)
+    size = np.linalg.norm(free)
+    found = np.arccos(min(1 / size, 1.0))
+    off = abs(found - radius[0])
+    return off > _OTHER * radius[0] and off > 6 * np.hypot(np.sqrt(covariance[2, 2]), radius[1])
 
 
 def cone(rays: np.ndarray) -> tuple[np.ndarray, float]:
