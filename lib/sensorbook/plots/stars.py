@@ -78,7 +78,9 @@ def plot_ambiguity(
     bars = axes[1].bar(
         list(expected), values, color=[COLOURS["x"], SECOND, COLOURS["z"]], width=0.6
     )
-    axes[1].bar_label(bars, [f"{v:.2g}" for v in values], fontsize=8, padding=2)
+    axes[1].bar_label(
+        bars, [f"{v:.0f}" if v >= 1 else f"{v:.1e}" for v in values], fontsize=8, padding=2
+    )
     axes[1].set_yscale("log")
     axes[1].set_ylim(min(values) / 5, max(values) * 20)
     axes[1].axhline(1, color=GREY, linestyle="--", linewidth=1)
