@@ -6,6 +6,7 @@ import base64
 import json
 import math
 
+import cameras
 import numpy as np
 import pandas
 import pytest
@@ -124,6 +125,20 @@ def test_load_shows_the_recordings_and_records_where_they_come_from(shown, tmp_p
     assert record["device"]["name"] == NASTY
     assert set(record["device"]["spec"]) == {"random_walk", "bias_instability", "rate_random_walk"}
     assert record["inputs"][0]["columns"]["x"] == "x"
+
+
+def test_load_of_images_shows_their_camera(shown, tmp_path):
+    night = {"a.png": np.zeros((360, 640), np.uint8), "b.png": np.zeros((360, 640), np.uint8)}
+    recordings = [cameras.recording("*.png", sees="earth", poses=False)]
+    folder = cameras.write(tmp_path / "cam", recordings, night)
+    _, runs = notebook.load(str(folder), "camera", "images")
+    ((data, _),) = shown
+    assert [len(run) for run in runs] == [2]
+    assert data["text/plain"] == "*.png, 2, 640 × 360 px, 184.75 px, Earth"
+    head = "<th>Recording</th><th>Images</th><th>Size</th><th>Focal length</th><th>Looks for</th>"
+    assert head in data["text/html"]
+    (about,) = data[notebook.MIME]["inputs"]
+    assert (about["samples"], about["camera"]["sees"]) == (2, "earth")
 
 
 def test_load_says_what_to_add_where_there_is_no_recording(tmp_path):
