@@ -7,7 +7,7 @@ from cameras import ONE, recording, shot, write
 
 import sensorbook
 from sensorbook.camera.model import Camera
-from sensorbook.camera.steps import take_steps
+from sensorbook.camera.steps import centre_bias, take_steps
 from sensorbook.camera.survey import survey
 from sensorbook.plots import camera_steps as plots
 
@@ -116,6 +116,22 @@ def test_the_sun_and_its_median(steps):
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
         assert (right - left, low - high) == (19, 19)
         assert left < steps.sun.sun.pixel[0] < right
+
+
+def test_the_bias_of_the_centre():
+    off, radius = np.radians([20, 30])
+    axes = plots.plot_centre_bias(off, radius)
+    assert labels(axes) == [
+        "C's LEO",
+        "C's MEO",
+        "C's GEO",
+        "this image, ρ = 30.0°",
+        "its θ = 20.0°",
+    ]
+    curve = drawn(axes, "this image, ρ = 30.0°")
+    at = np.degrees(centre_bias(off, radius))
+    assert np.interp(20, *curve.T) == pytest.approx(at, rel=1e-3)
+    assert curve[-1, 0] == pytest.approx(60, abs=0.01)
 
 
 def test_gallery(found):

@@ -186,6 +186,10 @@ def test_group_page(tmp_path):
     }
     assert "<td>0.0600 <td>0.0750 <td>0.0200 <td>50.0 <td>" in rows["good"]
     assert "<td>–<td>–<td>–<td>0.00 <td>" in rows["bad"]
+    assert list(rows) == ["bad", "good"], "those that need attention first"
+    needing = page.split('id="attention"')[1].split("</ul>")[0]
+    assert "camera: none of its images is solved" in needing
+    assert "good" not in needing
 
 
 def test_group_page_of_a_results_json_by_others(tmp_path):

@@ -16,7 +16,8 @@ from sensorbook.camera.frames import Frame
 from sensorbook.camera.limb import Limb
 from sensorbook.camera.model import Camera
 from sensorbook.camera.picture import read_picture
-from sensorbook.camera.steps import around, edge_profile
+from sensorbook.camera.scene import EARTH_RADIUS, HEIGHTS
+from sensorbook.camera.steps import around, centre_bias, edge_profile
 from sensorbook.camera.sun import Sun
 from sensorbook.errors import Refusal
 from sensorbook.plots.camera import CURVE, EARTH, EDGE, MOST_COLUMNS, SUN, limb_curve
@@ -155,6 +156,38 @@ def plot_cone(limb: Limb, chain: Baseline | None, camera: Camera) -> np.ndarray:
     for axes in rows:
         grid(axes)
     return rows
+
+
+def plot_centre_bias(off: float, radius: float, axes: Axes | None = None) -> Axes:
+    """How far the centre of an imaged limb lies from the Earth's, against the Earth's angle off the axis.
+
+    For the limb's angular `radius`, with a line at the image's own angle `off`, both rad, and for work
+    C's three orbits.
+    """
+    axes = new_axes(axes, height=3.4)
+    for colour, (orbit, height) in zip((GREY, COLOURS["z"], SECOND), HEIGHTS.items(), strict=True):
+        rho = np.arcsin(EARTH_RADIUS / (EARTH_RADIUS + height))
+        axes.plot(
+            *_biases(rho), color=colour, linestyle="--", linewidth=1.4, label=f"C's {orbit.upper()}"
+        )
+    name = f"this image, ρ = {np.degrees(radius):.1f}°"
+    axes.plot(*_biases(radius), color=COLOURS["x"], linewidth=2.2, label=name)
+    label = f"its θ = {np.degrees(off):.1f}°"
+    axes.axvline(np.degrees(off), color=COLOURS["y"], linewidth=1.4, label=label)
+    axes.set_yscale("log")
+    axes.set_ylim(3e-3, 90)
+    axes.set_xlim(0, max(90, np.degrees(off) + 2))
+    axes.set_xlabel("angle θ of the Earth's centre off the axis [°]")
+    axes.set_ylabel("centre's error Δ [°]")
+    axes.legend(fontsize=8, loc="lower right")
+    grid(axes)
+    return axes
+
+
+def _biases(radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Angles off the axis, degrees, up to where the limb is no ellipse, and `centre_bias` there."""
+    off = np.linspace(1e-4, np.pi / 2 - radius - 1e-6, 400)
+    return np.degrees(off), np.degrees([centre_bias(o, radius) or np.nan for o in off])
 
 
 def plot_gallery(frames: Sequence[Frame]) -> np.ndarray:

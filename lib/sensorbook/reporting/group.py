@@ -66,6 +66,7 @@ class Row:
     status: str = "failed"
     verdict: str | None = None
     created: str = ""
+    unsolved: bool = False  # a camera of which no image is
     relative: bool = False  # soft iron of determinant 1, as the field's strength is not known
     values: dict[Column, Value] = field(default_factory=dict)
     reasons: list[str] = field(default_factory=list)
@@ -76,11 +77,14 @@ class Row:
         """Failures first."""
         status = {"failed": 0, "refused": 1, "empty": 2, "complete": 2}[self.status]
         verdict = {"fail": 0, "undecided": 1, "pass": 2, None: 2}[self.verdict]
+        if self.unsolved:
+            status = min(status, 1)
         return (min(status * 2, verdict * 2 + 1), status, self.folder)
 
     @property
     def attention(self) -> bool:
-        return self.status in ("failed", "refused") or self.verdict in ("fail", "undecided")
+        bad = self.status in ("failed", "refused") or self.verdict in ("fail", "undecided")
+        return bad or self.unsolved
 
 
 def group_page(root: Path) -> str:
@@ -167,6 +171,9 @@ def _read(folder: str, found: dict[str, Any]) -> Row:
         for quantity in WHOLE:
             if _finite(value := whole(result, quantity)):
                 row.values[str(sensor), quantity] = Value(value / _scale(str(sensor), quantity))
+    if row.values.get(("camera", "solved_percent"), Value(100)).number == 0:
+        row.unsolved = True
+        row.reasons.append("camera: none of its images is solved")
     for check in found["checks"]:
         _take_check(row, check)
     row.reasons += _reasons(row, found)
