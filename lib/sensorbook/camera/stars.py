@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from sensorbook.attitude import davenport
+from sensorbook.attitude.sensors.star import StarSensor
 from sensorbook.camera.model import Camera
 from sensorbook.camera.star_blobs import Blobs, find_blobs
 from sensorbook.camera.star_identify import LEAST, NONE, StarTable, identify, nearest
@@ -112,9 +113,9 @@ def attitude_from_stars(
 
 
 def pixel_angle(rays: np.ndarray, camera: Camera) -> np.ndarray:
-    """Angle (…), rad, that a pixel spans at rays (…, 3): cos²θ/f outward and cos θ/f across, their rms."""
-    cosine = rays[..., 2]
-    return cosine * np.sqrt((1 + cosine**2) / 2) / camera.focal_px
+    """Angle (…), rad, that a pixel spans at rays (…, 3): the rms of outward and across."""
+    sensor = StarSensor(camera.focal_px, camera.width, camera.height)
+    return np.sqrt((sensor.pixel_angles(rays) ** 2).mean(axis=-1))
 
 
 def _settle(rays, std, stars, table):

@@ -1,6 +1,6 @@
 """Star sensor: a pinhole camera, a catalogue and Wahba's problem (work C, 3.4).
 
-Which star is which is taken as known: identification (triangle, k-vector, pyramid) is not simulated.
+Which star is which is taken as known here; `sensorbook.camera.stars` finds it out, from an image.
 """
 
 from __future__ import annotations
