@@ -77,7 +77,7 @@ def images(name, field, pixels, limit, electrons, count, rng) -> None:
         f"images with {STARS} stars or more (goal 99), wrong {wrong} of {len(errors)} (goal 0)"
     )
     print(
-        f"  across {rms[0]:.2f}″ and {rms[1]:.2f}″ (goal {ARCSEC / camera.focal_px / 20:.1f}, a twentieth "
+        f"  across {rms[0]:.2f}″ and {rms[1]:.2f}″ (goal {ARCSEC / camera.focal_px / 50:.1f}, a fiftieth "
         f"of a pixel), roll {rms[2]:.1f}″, largest {largest:.0f}″"
     )
     print(

@@ -72,7 +72,7 @@ def stars_to(limit: float) -> float:
     """How many stars the sky holds up to a magnitude.
 
     >>> round(stars_to(6.0))
-    4284
+    4283
     """
     return STARS_TO_ZERO * np.exp(GROWTH * limit)
 
