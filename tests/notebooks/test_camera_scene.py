@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from devices import ended, read_chapter
 
-from sensorbook.camera.explorer import ellipse_centre_error
 from sensorbook.camera.scene import EARTH_RADIUS, HEIGHTS
+from sensorbook.camera.steps import centre_bias
 from sensorbook.reporting import chapters
 
 
@@ -40,7 +40,7 @@ def test_sentences(read):
     record, text = read
     off = record["results"]["camera_scene"]["off_axis"]["value"]
     radius = np.arcsin(EARTH_RADIUS / (EARTH_RADIUS + HEIGHTS["leo"]))
-    error = np.degrees(ellipse_centre_error(off, radius))
+    error = np.degrees(centre_bias(off, radius))
     assert f"the Earth's disc is **{2 * np.degrees(radius):.1f}°** wide" in text
     assert f"has its middle **{error:.2f}°** too far out" in text
     assert "found so that both are in view" in text

@@ -34,6 +34,7 @@ from sensorbook.camera.scene import (
     render,
     texture,
 )
+from sensorbook.camera.steps import centre_bias
 from sensorbook.camera.visibility import SEQUENCE, why_none
 from sensorbook.errors import Refusal
 
@@ -159,6 +160,12 @@ class Exploration:
         return self._centre_error(self.chain[0].earth_direction)
 
     @property
+    def ellipse_bias(self) -> float:
+        """rad, what the whole limb's ellipse makes of it; NaN where the limb's image is no ellipse."""
+        bias = centre_bias(self.off_axis, self.angular_radius)
+        return float("nan") if bias is None else bias
+
+    @property
     def centre_error(self) -> float:
         """rad, from the Earth's centre to that of the limb's cone; NaN without one."""
         return self._centre_error(self.found.limb.direction)
@@ -232,22 +239,6 @@ def explore(settings: Settings) -> Exploration:
         "ok" if found.matrix is not None else why_none(settings, found),
         chain_status,
     )
-
-
-def ellipse_centre_error(off_axis: float, angular_radius: float) -> float:
-    """Angle, rad, by which the centre of the imaged limb lies farther out than the Earth's centre.
-
-    Both angles in rad. The limb's nearest and farthest points are at θ ∓ ρ from the axis, and the
-    ellipse's centre at the mean of their tangents, sin θ cos θ/(cos²θ − sin²ρ). NaN where the limb is
-    imaged as a parabola or a hyperbola, θ + ρ ≥ 90°, which has no such centre.
-
-    >>> round(float(np.degrees(ellipse_centre_error(np.radians(10), np.radians(49.6)))), 1)
-    13.7
-    """
-    below = np.cos(off_axis) ** 2 - np.sin(angular_radius) ** 2
-    if not (below > 0 and off_axis + angular_radius < np.pi / 2):
-        return float("nan")
-    return float(np.arctan(np.sin(off_axis) * np.cos(off_axis) / below) - off_axis)
 
 
 @cache
