@@ -121,7 +121,7 @@ def test_pages_are_small_and_keep_to_themselves(demo):
         assert page.stat().st_size < 1_500_000
         assert not re.search(r"https?://|src=\"//|url\(", text), page
         assert all('alt="' in tag for tag in re.findall(r"<img[^>]*>", text))
-    assert len(figures(demo)) == 10
+    assert len(figures(demo)) == 11
     assert all("Look for: " in caption for caption in figures(demo))
 
 
