@@ -57,7 +57,8 @@ class StarTable:
             )
         if not (np.abs(np.linalg.norm(directions, axis=-1) - 1) < 1e-6).all():
             raise ValueError("directions: one is no unit vector; divide each by its length")
-        corners = camera.grid[[0, 0, -1, -1], [0, -1, 0, -1]]
+        right, bottom = camera.width - 1, camera.height - 1
+        corners = camera.rays([[0, 0], [right, 0], [0, bottom], [right, bottom]])
         widest = np.sqrt(((corners[:, None] - corners) ** 2).sum(axis=-1)).max()
         tree = cKDTree(directions)
         count = (tree.count_neighbors(tree, widest) - len(directions)) // 2

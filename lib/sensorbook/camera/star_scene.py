@@ -108,7 +108,9 @@ def render_stars(
     if not np.isfinite(turn).all() or np.shape(turn) != (3,):
         raise ValueError(f"turn is {turn}: give a rotation vector of three numbers, rad")
     seen = sky.directions @ to_camera.T
-    reach = np.arccos(camera.grid[[0, 0, -1, -1], [0, -1, 0, -1], 2].min()) + 0.02
+    right, bottom = camera.width - 1, camera.height - 1
+    corners = [[0, 0], [right, 0], [0, bottom], [right, bottom]]
+    reach = np.arccos(camera.rays(corners)[:, 2].min()) + 0.02
     near = seen[:, 2] > np.cos(min(reach + np.linalg.norm(turn), np.pi))
     places = camera.project(_trail(camera, seen[near], camera.to_body.T @ np.asarray(turn)))
     electrons = optics.electrons * 10 ** (-0.4 * sky.magnitudes[near]) / len(places)
@@ -118,7 +120,7 @@ def render_stars(
         inside = ((places > -_SPOT * optics.spread) & (places < last)).all(axis=-1)
     for step, star in zip(*np.nonzero(inside), strict=True):
         _add_spot(mean, places[step, star], electrons[star], optics.spread)
-    for place in rng.uniform([0, 0], [camera.width - 1, camera.height - 1], (false, 2)):
+    for place in rng.uniform([0, 0], [right, bottom], (false, 2)):
         magnitude = rng.uniform(*np.quantile(sky.magnitudes, [0.02, 0.5]))
         _add_spot(mean, place, optics.electrons * 10 ** (-0.4 * magnitude), optics.spread)
     full = 256 * optics.gain
