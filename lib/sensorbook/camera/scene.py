@@ -105,6 +105,27 @@ def _even(field_: np.ndarray) -> np.ndarray:
 def _brightness(scene: Scene, rays: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray]:
     """DN along rays (…, 3), and which are within `near`, rad, of an edge."""
     axes = np.asarray(scene.semi_axes)
+    distance = np.linalg.norm(scene.position)
+    bright, edge = np.zeros(rays.shape[:-1]), np.zeros(rays.shape[:-1], dtype=bool)
+    # Nearly all of most pictures is empty: only what may be of Earth or Sun is looked at closely.
+    top = axes.max() + 20 * scene.haze
+    reach = np.arcsin(min(top / distance, 1.0)) + 4 * near + 1e-3
+    size = np.arctan(SUN_RADIUS / SUN_DISTANCE)
+    sun = np.asarray(scene.sun)
+    toward = rays @ np.stack([-np.asarray(scene.position) / distance, sun], axis=-1)
+    earth = toward[..., 0] > (np.cos(reach) if reach < np.pi else -2)
+    bright[earth], edge[earth], hit = _ground(scene, axes, rays[earth], near)
+    shining = toward[..., 1] > np.cos(size + near + 1e-3)
+    from_sun = np.arccos(np.clip(toward[shining][..., 1], -1, 1))
+    hidden = np.zeros(earth.shape, dtype=bool)
+    hidden[earth] = hit
+    bright[shining] = np.where((from_sun < size) & ~hidden[shining], SUN, bright[shining])
+    edge[shining] |= np.abs(from_sun - size) < near
+    return bright, edge
+
+
+def _ground(scene: Scene, axes: np.ndarray, rays: np.ndarray, near: float):
+    """DN along rays (N, 3) at or near the Earth, which are within `near` of its limb, and which hit it."""
     place, sight = np.asarray(scene.position) / axes, rays / axes
     a = (sight**2).sum(axis=-1)
     b = sight @ place
@@ -124,12 +145,8 @@ def _brightness(scene: Scene, rays: np.ndarray, near: float) -> tuple[np.ndarray
         bright *= np.maximum(normal @ np.asarray(scene.sun), 0.0)
     if scene.texture is not None:
         bright *= _painted(scene.texture, point)
-    from_sun = np.arccos(np.clip(rays @ np.asarray(scene.sun), -1, 1))
-    size = np.arctan(SUN_RADIUS / SUN_DISTANCE)
-    bright = np.where((from_sun < size) & ~hit, SUN, bright)
     distance = np.maximum(closest, 1.0) * np.sqrt((rays**2).sum(axis=-1)) / axes.mean()
-    edge = (np.abs(depth) < near * distance) & (b < 0) | (np.abs(from_sun - size) < near)
-    return bright, edge
+    return bright, (np.abs(depth) < near * distance) & (b < 0), hit
 
 
 def _painted(painting: np.ndarray, point: np.ndarray) -> np.ndarray:
