@@ -8,6 +8,7 @@ import pytest
 from cameras import EARTH, SUN, pair, recording, shot, write
 
 import sensorbook
+from sensorbook.camera.steps import take_chain
 from sensorbook.camera.survey import (
     angle,
     attitude_std,
@@ -149,6 +150,18 @@ def test_earth_errors(found):
         assert errors["off_axis"][k] == pytest.approx(np.arccos(true[2]))
         assert errors["ours"][k] == pytest.approx(np.arccos(frame.earth_direction @ true), abs=1e-7)
         assert errors["ours"][k] < np.radians(0.1)
+
+
+def test_an_image_with_an_ellipse(found):
+    first = next((k for k, d in enumerate(found.chain) if d is not None), None)
+    assert found.with_ellipse is (None if first is None else found.frames[first])
+    for frame, direction in zip(found.frames, found.chain, strict=True):
+        if (
+            direction is None
+            and frame.earth_direction is not None
+            and true_earth(frame) is not None
+        ):
+            assert take_chain(frame)[1].earth_direction is None
 
 
 def test_the_table(found):

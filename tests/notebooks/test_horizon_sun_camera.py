@@ -121,7 +121,7 @@ def test_pages_are_small_and_keep_to_themselves(demo):
         assert page.stat().st_size < 1_500_000
         assert not re.search(r"https?://|src=\"//|url\(", text), page
         assert all('alt="' in tag for tag in re.findall(r"<img[^>]*>", text))
-    assert len(figures(demo)) == 11
+    assert len(figures(demo)) == 12
     assert all("Look for: " in caption for caption in figures(demo))
 
 
@@ -271,6 +271,22 @@ def test_a_sun_camera_alone(tmp_path):
     assert "Its middle is at pixel" in page
     found = images_of(report)["a.png"]
     assert found["sun_direction"] @ pair(0).attitude @ pair(0).sun == pytest.approx(1, abs=1e-6)
+
+
+def test_a_pair_whose_image_of_the_sun_is_broken(tmp_path):
+    texts = [recording("e.png", EARTH, "earth"), recording("s.png", SUN, "sun")]
+    images = {"e.png": pair(0).image(EARTH), "s.png": b""}
+    report = reported(
+        tmp_path / "pair", images, texts, [pair(0).row("e.png"), pair(0).row("s.png")]
+    )
+    page = report.page(CHAPTER, "camera")
+    assert (
+        "The steps below are those of e.png, which shows most: no solution: file cannot be read"
+        in page
+    )
+    assert "The image of the Sun taken at its time, s.png, cannot be read." in page
+    assert "2 of 2 images have no solution: file cannot be read as an image" in page
+    assert images_of(report)["e.png"]["earth_direction"] is not None
 
 
 def test_without_poses(tmp_path):

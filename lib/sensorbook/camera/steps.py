@@ -102,6 +102,12 @@ def take_steps(earth: Frame | None, sun: Frame | None) -> Steps:
     return Steps(earth, sun, earth_image, sun_image, chain, found, matrices)
 
 
+def take_chain(frame: Frame) -> tuple[np.ndarray, Baseline]:
+    """A frame's picture (H, W), uint8, and what work C's chain makes of it."""
+    image = read_picture(frame.path, frame.camera)[0]
+    return image, baseline(image, frame.camera)
+
+
 def field_of_view(camera: Camera) -> tuple[float, float]:
     """Angles across and down that an image spans through its principal point, rad.
 

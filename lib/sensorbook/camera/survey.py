@@ -84,6 +84,12 @@ class Survey:
                 seen.add(frame.image)
         return found
 
+    @property
+    def with_ellipse(self) -> Frame | None:
+        """The first frame in which work C's chain found an Earth, of those whose true attitude is known."""
+        pairs = zip(self.frames, self.chain, strict=True)
+        return next((frame for frame, direction in pairs if direction is not None), None)
+
     def gallery(self, most: int = _SHOWN) -> list[Frame]:
         """At most so many readable images: one a reason that has no solution, the others evenly."""
         readable = [k for k, frame in enumerate(self.frames) if is_readable(frame)]
