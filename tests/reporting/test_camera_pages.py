@@ -270,6 +270,24 @@ def test_check_of_bad_poses(tmp_path, capsys):
     )
 
 
+@pytest.mark.parametrize("radius", [6371000.0, 7e6])
+def test_check_of_a_place_inside_the_declared_earth(tmp_path, capsys, radius):
+    row = shot(0).row("a.png") | {"x": radius - 1000, "y": 0.0, "z": 0.0}
+    text = recording("*.png").replace("earth_radius = 6371000.0", f"earth_radius = {radius}")
+    folder = write(tmp_path / "cam", [text], {"a.png": NIGHT}, [row])
+    code, lines = checked(folder, capsys)
+    assert (code, lines) == (
+        1,
+        [
+            f"poses.csv: a.png: x y z are {radius - 1000:.6g} m from the Earth's centre, inside the Earth"
+            " — give metres, ECI"
+        ],
+    )
+    row["x"] = radius + 1000
+    folder = write(tmp_path / "above", [text], {"a.png": NIGHT}, [row])
+    assert checked(folder, capsys)[0] == 0
+
+
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from sensorbook.errors import InputError, Problem, Refusal
 from sensorbook.recordings.paths import resolve
 from sensorbook.recordings.poses import Pose, read_poses
@@ -123,6 +125,7 @@ def read_images(declared: Declared, folder: Path) -> Images:
     if poses_file := declared.table.get("poses"):
         table = open_table(resolve(folder, poses_file, f"{declared.label}: poses"), poses_file)
         poses = read_poses(table, names)
+        _check_places(poses, declared.table["camera"], poses_file)
         if lacking := [name for name in names if name not in poses]:
             findings.append(
                 Finding(
@@ -145,6 +148,21 @@ def read_images(declared: Declared, folder: Path) -> Images:
         sha256=digest.hexdigest(),
         declaration=declared.table,
     )
+
+
+def _check_places(poses: Mapping[str, Pose], camera: Mapping, file: str) -> None:
+    """Raises `InputError` where a satellite is inside the Earth that its camera is declared to see."""
+    from sensorbook.camera.scene import WGS84
+
+    axes = np.array([camera["earth_radius"]] * 3 if "earth_radius" in camera else WGS84)
+    problems = [
+        Problem(file, name, f"x y z are {np.linalg.norm(pose.position):.6g} m from the Earth's centre, "
+                "inside the Earth", "give metres, ECI")
+        for name, pose in poses.items()
+        if pose.position is not None and np.linalg.norm(pose.position / axes) <= 1
+    ]  # fmt: skip
+    if problems:
+        raise InputError(*problems[:20])
 
 
 def _declared_pixels(path: Path) -> int:
