@@ -2,6 +2,7 @@
 
 import gc
 import sys
+import weakref
 
 import numpy as np
 import pytest
@@ -92,6 +93,21 @@ def test_an_image_asked_for_comes_with_its_partner(mixed, name):
     assert (found.earth.image, found.sun.image) == ("earth/c.png", "sun/c.png")
     assert found.earth.limb.rays is not None
     assert found.sun.sun.direction is not None
+
+
+def test_one_image_for_both_of_a_pair(tmp_path):
+    moment = shot(0)
+    texts = [recording("*.png", sees="earth"), recording("*.png", sees="sun")]
+    runs = runs_of(
+        write(tmp_path / "device", texts, {"a.png": moment.image()}, [moment.row("a.png")])
+    )
+    for name in ("", "a.png"):
+        found = survey(runs, name)
+        assert [(f.image, f.sees, f.partner) for f in (found.earth, found.sun)] == [
+            ("a.png", "earth", "a.png"),
+            ("a.png", "sun", "a.png"),
+        ]
+        assert np.linalg.norm(found.chosen.error) < np.radians(0.1)
 
 
 def test_a_broken_image_asked_for(mixed):
@@ -228,3 +244,24 @@ def test_no_picture_and_few_points_are_kept(found):
     for frame in found.frames:
         # 60 edge points with what is known of them; a picture has 230 kB.
         assert 0 < _arrays(frame, set()) < 8000
+
+
+def test_no_more_is_held_while_reading(tmp_path, monkeypatch):
+    """Of the frames read before, few still have all their points."""
+    image = shot(0).image()
+    images = {f"{k}.png": image for k in range(8)}
+    runs = runs_of(write(tmp_path / "device", [recording("*.png", poses=False)], images))
+    module = sys.modules[survey.__module__]
+    read, held = module.read_frames, []
+
+    def watched(runs):
+        alive = []
+        for frame in read(runs):
+            alive.append(weakref.ref(frame.limb))
+            yield frame
+            held.append(sum(limb() is not None for limb in alive))
+
+    monkeypatch.setattr(module, "read_frames", watched)
+    survey(runs)
+    # The chosen one, that in hand, and one that a name is still bound to.
+    assert max(held) <= 3

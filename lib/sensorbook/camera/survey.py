@@ -128,13 +128,16 @@ def survey(runs: Sequence[Images], image: str = "") -> Survey:
         frames.append(thinned(frame))
         records.append(frame.record())
         chain.append(_by_chain(frame) if true_earth(frame) is not None else None)
-        if wanted in (frame.image, frame.partner):
-            whole[frame.image] = frame
+        if wanted and wanted in (frame.image, frame.partner):
+            whole[frame.image, frame.sees] = frame
         if not wanted and _worth(frame) > best:
             chosen, best = frame, _worth(frame)
-    chosen = whole[wanted] if wanted else chosen
-    by_name = {frame.image: frame for frame in frames} | whole | {chosen.image: chosen}
-    both = [chosen] + ([by_name[chosen.partner]] if chosen.partner else [])
+    if wanted:
+        chosen = next(frame for (name, _), frame in whole.items() if name == wanted)
+    # By what they see, too: one camera's images may stand for both of a pair.
+    known = {(frame.image, frame.sees): frame for frame in frames} | whole
+    other = {"earth": "sun", "sun": "earth"}.get(chosen.sees)
+    both = [chosen] + ([known[chosen.partner, other]] if chosen.partner else [])
     return Survey(
         tuple(frames),
         tuple(records),
