@@ -44,6 +44,7 @@ class Trial:
     Attributes
     ----------
     off_axis : rad, between the camera's axis and the Earth's centre
+    to_earth, to_sun : (3,), true directions to the Earth's centre and the Sun, in camera axes
     whole : whether the Earth's whole disc is in the picture
     centred, larger : whether its centre is, and whether the disc is larger than the picture is high
     found : by this house's way; `error` (3,) its error vector, rad, and `squared` that over its covariance
@@ -53,6 +54,8 @@ class Trial:
     """
 
     off_axis: float
+    to_earth: np.ndarray
+    to_sun: np.ndarray
     whole: bool
     centred: bool
     larger: bool
@@ -69,15 +72,25 @@ class Trial:
 
         The Earth's whole disc is in it, or at least its centre where the disc is larger than the picture.
         """
-        return self.whole or (self.centred and self.larger)
+        return _is_chosen(self.whole, self.centred, self.larger)
 
 
 def trials(
-    orbit: str, look: Mapping, count: int, rng: np.random.Generator, chain: bool = False
+    orbit: str,
+    look: Mapping,
+    count: int,
+    rng: np.random.Generator,
+    chain: bool = False,
+    chosen: bool = False,
 ) -> Iterator[Trial]:
-    """Random images of C's camera at one of its orbits, and what was found in them."""
+    """Random images of C's camera at one of its orbits, and what was found in them.
+
+    By work C's chain, too, with `chain`; `chosen` leaves out what is not `as_chosen`.
+    """
     for _ in range(count):
         position, sun, attitude = draw(rng, HEIGHTS[orbit], CAMERA)
+        while chosen and not _is_chosen(*_in_view(position, attitude)):
+            position, sun, attitude = draw(rng, HEIGHTS[orbit], CAMERA)
         image = render(CAMERA, Scene(position, sun, **look), attitude, rng)
         yield _trial(image, position, sun, attitude, look, chain)
 
@@ -98,14 +111,12 @@ def _trial(image, position, sun, attitude, look, chain: bool) -> Trial:
         if by_chain.status == "ok":
             measured = [by_chain.sun_direction, by_chain.earth_direction]
             chain_error = error_vector(triad(measured, [sun, down]).matrix, attitude)
-    in_camera = attitude @ down
-    disc = _around(position, 90) @ attitude.T
+    to_earth = attitude @ down
     return Trial(
-        float(np.arccos(np.clip(in_camera[2], -1, 1))),
-        bool(CAMERA.sees(disc).all()),
-        bool(CAMERA.sees(in_camera)),
-        EARTH_RADIUS / np.linalg.norm(position)
-        > np.sin(np.arctan(CAMERA.height / 2 / CAMERA.focal_px)),
+        float(np.arccos(np.clip(to_earth[2], -1, 1))),
+        to_earth,
+        attitude @ sun,
+        *_in_view(position, attitude),
         found,
         error,
         squared,
@@ -113,6 +124,20 @@ def _trial(image, position, sun, attitude, look, chain: bool) -> Trial:
         by_chain,
         chain_error,
     )
+
+
+def _in_view(position: np.ndarray, attitude: np.ndarray) -> tuple[bool, bool, bool]:
+    """Whether the disc is whole in the picture, its centre is, and it is larger than that is high."""
+    distance = np.linalg.norm(position)
+    return (
+        bool(CAMERA.sees(_around(position, 90) @ attitude.T).all()),
+        bool(CAMERA.sees(attitude @ -position)),
+        bool(EARTH_RADIUS / distance > np.sin(np.arctan(CAMERA.height / 2 / CAMERA.focal_px))),
+    )
+
+
+def _is_chosen(whole: bool, centred: bool, larger: bool) -> bool:
+    return whole or (centred and larger)
 
 
 def draw(
