@@ -51,10 +51,14 @@ def apart(angle, other):
 # ---- exact points ----
 
 
-@BOTH
-@pytest.mark.parametrize("arc", [20, 40, 60, 180, 360])
+@pytest.mark.parametrize(
+    ("fit", "arc", "tolerance"),
+    [(direct_ellipse, arc, 1e-9) for arc in (20, 40, 60, 180, 360)]
+    # The barrier's α² = 1e-6 pulls, the more the less the arc tells.
+    + [(guaranteed_ellipse, 180, 1e-4), (guaranteed_ellipse, 360, 1e-6)],
+)
 @pytest.mark.parametrize("off", [0.0, 1e4])
-def test_exact_points_give_the_ellipse(fit, arc, off):
+def test_exact_points_give_the_ellipse(fit, arc, tolerance, off):
     rng = np.random.default_rng([201, arc])
     for _ in range(40):
         major = rng.uniform(100, 500)
@@ -63,12 +67,21 @@ def test_exact_points_give_the_ellipse(fit, arc, off):
         turns = rng.uniform(0, 7) + np.radians(np.linspace(0, arc, 200, endpoint=False))
         found = fit(rng.permutation(on_ellipse(turns, centre, semi_axes, angle)))
         # Of the ellipse's size; coordinates of 1e4 are rounded to 1e-12, which 20° dilute 1e4 times.
-        np.testing.assert_allclose(found.centre, centre, rtol=0, atol=1e-9 * major)
-        np.testing.assert_allclose(found.semi_axes, semi_axes, rtol=0, atol=1e-9 * major)
-        assert apart(found.angle, angle) < 1e-8  # axes 5 % apart dilute it 20 times
+        np.testing.assert_allclose(found.centre, centre, rtol=0, atol=tolerance * major)
+        np.testing.assert_allclose(found.semi_axes, semi_axes, rtol=0, atol=tolerance * major)
+        assert apart(found.angle, angle) < 20 * tolerance  # axes 5 % apart dilute it 20 times
 
 
-@BOTH
+def test_the_published_barrier_moves_short_arcs():
+    """Exact points of 40° of an ellipse: the direct fit finds it, the guaranteed one a rounder one."""
+    turns = np.radians(np.linspace(0, 40, 200))
+    points = on_ellipse(turns, [0, 0], [300, 200], 0.4)
+    np.testing.assert_allclose(direct_ellipse(points).centre, 0, atol=1e-6)
+    found = guaranteed_ellipse(points)
+    assert np.linalg.norm(found.centre) > 5
+    assert found.distance(points).max() < 0.2  # and hardly off the points for all that
+
+
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(
     ratio=st.one_of(st.just(1.0), st.floats(0.05, 1.0), st.floats(0.999999, 1.0)),
@@ -77,13 +90,13 @@ def test_exact_points_give_the_ellipse(fit, arc, off):
     place=st.floats(-10, 10),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_any_ellipse_is_recovered(fit, ratio, angle, size, place, seed):
+def test_any_ellipse_is_recovered(ratio, angle, size, place, seed):
     rng = np.random.default_rng(seed)
     centre = size * np.array([place, -place / 2])
     semi_axes = size * np.array([1.0, ratio])
     # Six or more all round: gaps up to 1 rad.
     turns = np.arange(0, 2 * np.pi, 0.6) + rng.uniform(0, 0.4, 11)
-    found = fit(on_ellipse(turns, centre, semi_axes, angle))
+    found = direct_ellipse(on_ellipse(turns, centre, semi_axes, angle))
     # Places ten sizes off cost one digit, axes 1 : 20 three.
     np.testing.assert_allclose(found.centre, centre, rtol=0, atol=1e-11 * size)
     np.testing.assert_allclose(found.semi_axes, semi_axes, rtol=0, atol=1e-11 * size)
@@ -91,23 +104,27 @@ def test_any_ellipse_is_recovered(fit, ratio, angle, size, place, seed):
         assert apart(found.angle, angle) < 1e-9
 
 
-@BOTH
-def test_a_circle(fit):
+@pytest.mark.parametrize(
+    ("fit", "tolerance"), [(direct_ellipse, 1e-13), (guaranteed_ellipse, 1e-7)]
+)
+def test_a_circle(fit, tolerance):
     turns = np.linspace(0, 6, 50)
     found = fit(on_ellipse(turns, [640, 360], [200, 200], 0))
-    np.testing.assert_allclose(found.semi_axes, 200, rtol=1e-13)
-    np.testing.assert_allclose(found.centre, [640, 360], rtol=1e-13)
+    np.testing.assert_allclose(found.semi_axes, 200, rtol=tolerance)
+    np.testing.assert_allclose(found.centre, [640, 360], rtol=tolerance)
     assert np.isfinite(found.angle)
 
 
-@BOTH
-def test_six_points_are_enough(fit):
+@pytest.mark.parametrize(
+    ("fit", "tolerance"), [(direct_ellipse, 1e-10), (guaranteed_ellipse, 1e-5)]
+)
+def test_six_points_are_enough(fit, tolerance):
     points = on_ellipse(np.arange(6.0), [3, 4], [5, 2], 0.3)
     found = fit(points)
-    np.testing.assert_allclose(parameters_of(found), [3, 4, 5, 2, 0.3], rtol=1e-10)
+    np.testing.assert_allclose(parameters_of(found), [3, 4, 5, 2, 0.3], rtol=tolerance)
     # A point named twice counts twice, and changes nothing of an exact ellipse.
     np.testing.assert_allclose(
-        parameters_of(fit(np.r_[points, points])), [3, 4, 5, 2, 0.3], rtol=1e-10
+        parameters_of(fit(np.r_[points, points])), [3, 4, 5, 2, 0.3], rtol=tolerance
     )
 
 
@@ -116,7 +133,9 @@ def test_coefficients_vanish_on_the_ellipse_and_are_minus_one_at_its_centre(fit)
     points = on_ellipse(np.linspace(0, 5, 40), [600, 300], [200, 150], -0.7)
     found = fit(points)
     # Terms of 600² / 150² = 16, each rounded.
-    np.testing.assert_allclose(value(found.coefficients, points), 0, atol=1e-12)
+    own = found.points(40)
+    np.testing.assert_allclose(value(found.coefficients, own), 0, atol=1e-12)
+    np.testing.assert_allclose(value(found.coefficients, points), 0, atol=1e-6)
     np.testing.assert_allclose(value(found.coefficients, found.centre), -1, rtol=1e-12)
     a, b, c, *_ = found.coefficients
     assert 4 * a * c - b * b > 0
@@ -152,8 +171,7 @@ def table(folder, name):
         ("fig1_all", 50, "direct", 0.02, (313.680, 146.689), (246.6325, 250.2287), -3.1369),
         ("fig1_all", 50, "guaranteed", 0.02, (314.344, 144.208), (246.2644, 250.6108), -3.1247),
         ("fig2_half", 25, "direct", 0.02, (307.985, 123.390), (243.8646, 271.5388), -3.1289),
-        # Theirs stops a thousandth of a standard error short of the minimum: see below.
-        ("fig2_half", 25, "guaranteed", 0.03, (323.936, 164.086), (235.0049, 231.5677), -3.0793),
+        ("fig2_half", 25, "guaranteed", 0.02, (323.936, 164.086), (235.0049, 231.5677), -3.0793),
     ],
 )
 def test_points_of_szpak(real_data, figure, count, kind, tolerance, semi_axes, centre, angle):
@@ -166,17 +184,30 @@ def test_points_of_szpak(real_data, figure, count, kind, tolerance, semi_axes, c
     assert apart(found.angle, angle) < 1e-4
 
 
+def published_cost(parameters, points):
+    """Σ Sampson distances² and (α ‖a‖²/(4ac − b²))², α = 1e-3, in coordinates scaled as Hartley's."""
+    mean = points.mean(axis=0)
+    scale = np.sqrt(2) / np.linalg.norm(points - mean, axis=1).mean()
+    x, y, major, minor, angle = parameters
+    even = np.array([*(scale * ([x, y] - mean)), scale * major, scale * minor, angle])
+    outline = on_ellipse(np.arange(6.0), even[:2], even[2:4], angle)
+    a = np.linalg.svd(np.stack([outline[:, 0] ** 2, outline[:, 0] * outline[:, 1], outline[:, 1] ** 2,
+                                *outline.T, np.ones(6)], axis=1))[2][-1]  # fmt: skip
+    barrier = 1e-3 * (a @ a) / (4 * a[0] * a[2] - a[1] ** 2)
+    return sampson(even, scale * (points - mean)) + barrier**2
+
+
 @pytest.mark.parametrize(("figure", "count"), [("fig1_all", 50), ("fig2_half", 25)])
 def test_the_guaranteed_fit_of_szpak_is_at_the_minimum(real_data, figure, count):
     points = table(real_data, "szpak_points.csv")[:count]
     found = parameters_of(guaranteed_ellipse(points))
     theirs = parameters_of(direct_ellipse(table(real_data, f"szpak_{figure}_guaranteed.csv")))
-    assert sampson(found, points) < sampson(theirs, points)
+    assert published_cost(found, points) < published_cost(theirs, points)
     # A search without derivatives finds nothing lower.
-    lowest = minimize(sampson, found, args=(points,), method="Nelder-Mead",
-                      options={"xatol": 1e-8, "fatol": 1e-12, "maxiter": 5000})  # fmt: skip
-    assert sampson(found, points) <= lowest.fun * (1 + 1e-12)
-    np.testing.assert_allclose(found, lowest.x, rtol=0, atol=1e-5)
+    lowest = minimize(published_cost, found, args=(points,), method="Nelder-Mead",
+                      options={"xatol": 1e-8, "fatol": 1e-14, "maxiter": 5000})  # fmt: skip
+    assert published_cost(found, points) <= lowest.fun * (1 + 1e-9)
+    np.testing.assert_allclose(found, lowest.x, rtol=0, atol=1e-3)
 
 
 # ---- noise ----
@@ -226,7 +257,7 @@ def test_covariance_of_a_circle_knows_no_angle():
     assert direct_ellipse(ring).covariance is None
 
 
-@pytest.mark.parametrize(("arc", "noise"), [(60, 0.1), (60, 0.5), (120, 0.5), (360, 2.0)])
+@pytest.mark.parametrize(("arc", "noise"), [(120, 0.5), (180, 0.5), (360, 2.0)])
 def test_noisy_arcs_are_fitted_as_well_as_from_the_truth(arc, noise):
     rng = np.random.default_rng([205, arc, int(10 * noise)])
     for _ in range(30):
@@ -350,20 +381,22 @@ def test_points_on_a_line_are_refused(fit, off, direction):
         fit(off + LINE[:, None] * direction)
 
 
+@pytest.mark.parametrize("off", [0, 500])
+def test_of_a_hyperbola_the_guaranteed_fit_makes_an_ellipse(off):
+    """It is what the method is made for: the points lie a hundredth of their extent, 840, off it."""
+    points = 100 * np.c_[np.cosh(LINE), np.sinh(LINE)] + off
+    found = guaranteed_ellipse(points)
+    assert np.sqrt(np.mean(found.distance(points) ** 2)) < 15
+    assert found.centre[0] - off > 1000  # on the branch's side; the hyperbola's own is at `off`
+
+
 @pytest.mark.parametrize(
     "points",
-    [
-        np.c_[LINE, LINE**2],
-        np.c_[np.cosh(LINE), np.sinh(LINE)],
-        np.r_[np.c_[np.cosh(LINE), np.sinh(LINE)], np.c_[-np.cosh(LINE), np.sinh(LINE)]],
-        np.r_[np.c_[LINE, LINE], np.c_[LINE, LINE + 1]],
-        np.r_[np.c_[LINE, LINE], np.c_[LINE, -LINE]],
-        np.r_[np.c_[LINE, 0 * LINE], np.c_[0 * LINE, LINE]],
-    ],
-    ids=["parabola", "hyperbola", "both branches", "parallels", "crossed", "cross"],
+    [np.c_[LINE, LINE**2], np.r_[np.c_[LINE, LINE], np.c_[LINE, LINE + 1]]],
+    ids=["parabola", "parallels"],
 )
 @pytest.mark.parametrize("off", [0, 500])
-def test_other_conics_are_refused_by_the_guaranteed_fit(points, off):
+def test_exact_parabolas_have_no_ellipse_to_start_from(points, off):
     with pytest.raises(Refusal, match="no ellipse: a parabola, a hyperbola or a pair of lines"):
         guaranteed_ellipse(100 * points + off)
 
