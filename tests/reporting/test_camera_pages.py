@@ -121,7 +121,8 @@ def test_numbers():
 
 def test_reasons_are_counted_without_the_partner_s_name():
     table = camera_table({"images": ALL})
-    assert table["solved"] == "3 of 6"
+    assert table["solved"] == "3 of 6 images"
+    assert camera_table({"images": [SOLVED]})["solved"] == "1 of 1 image"
     assert table["reasons"] == [("Sun not in view", 2), ("<script>alert(1)</script>", 1)]
     assert [(row["name"], row["value"], row["unit"]) for row in table["rows"]] == [
         ("Earth's direction, standard error", "0.02", "°"),

@@ -71,7 +71,7 @@ def camera_table(result: Mapping[str, Any]) -> dict[str, Any] | None:
         if image["status"] != "ok"
     ).most_common()
     return {
-        "solved": f"{solved} of {len(images)}",
+        "solved": f"{solved} of {len(images)} image{'' if len(images) == 1 else 's'}",
         "rows": rows,
         "reasons": reasons[:_REASONS],
         "more": len(reasons) - _REASONS,

@@ -271,7 +271,7 @@ def _input_row(recording: dict[str, Any]) -> dict[str, str]:
         "kind": recording["kind"],
         "duration": unknown if duration is None else duration_words(duration),
         "rate": unknown if rate is None else f"{rate:.6g} Hz",
-        "samples": f"{samples} images" if images else samples,
+        "samples": f"{samples} image{'' if samples == '1' else 's'}" if images else samples,
         "gaps": str(recording["gaps"]),
         "sha256": recording["sha256"],
         "unit": str(recording.get("unit", "")),
