@@ -92,6 +92,12 @@ def test_demo_says_what_it_found(demo):
     assert "14 of 18 images give what their camera looks for." in page
     assert "The steps below are those of one/0001.png, the first that is solved." in page
     assert "10 attitudes are found, known to" in page
+    known, seen = (
+        float(n)
+        for n in re.search(r"\), ([\d.]+)° apart.*?measured are ([\d.]+)° apart", page).groups()
+    )
+    assert seen == pytest.approx(known, abs=0.1)
+    assert "as work C does, the Sun would be off by" in page
     assert (
         "3 of 18 images have no solution: Sun not in view (one/0007.png, earth/0005.png, sun/0005.png)."
         in page
@@ -297,6 +303,10 @@ def test_without_poses(tmp_path):
         in page
     )
     assert "No attitude is made of this image: its time and place are not known." in page
+    assert (
+        "Time and place of this image are not known: the directions stay in the camera's axes."
+        in page
+    )
     assert re.search(r"An Earth of 6371 km with such a half-angle is \d+ km away", page)
     assert {image["quaternion"] for image in images_of(report).values()} == {None}
 
