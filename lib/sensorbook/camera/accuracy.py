@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from sensorbook.attitude import triad
 from sensorbook.attitude.rotations import error_vector
 from sensorbook.camera.attitude import attitude_from_image, expected_radius
 from sensorbook.camera.ellipse import direct_ellipse
-from sensorbook.camera.limb import across_of, cone, find_limb
+from sensorbook.camera.limb import Limb, across_of, cone, find_limb
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS, HEIGHTS, SUN_DISTANCE, Scene, render
 from sensorbook.camera.steps import centre_bias
@@ -139,6 +139,20 @@ def arc(trial: Trial) -> float:
     rays = limb.rays[limb.used]
     turn = np.sort(np.arctan2(rays @ second, rays @ first))
     return float(2 * np.pi - np.diff(turn, append=turn[0] + 2 * np.pi).max())
+
+
+def alike(orbit: str, shown: Mapping[str, dict], seed: int) -> dict[str, tuple[np.ndarray, Limb]]:
+    """One scene with several looks of the Earth: image and limb by look; {} where none of 20 suits all."""
+    rng = np.random.default_rng(seed)
+    for position, sun, attitude in scenes(orbit, 20, rng):
+        found = {}
+        for name, look in shown.items():
+            image = render(CAMERA, Scene(position, sun, **look), attitude, rng)
+            axes = look.get("semi_axes", (EARTH_RADIUS,) * 3)
+            found[name] = image, attitude_from_image(image, CAMERA, position, sun, axes)
+        if all(one.status == "ok" and one.limb.scale == 1 for _, one in found.values()):
+            return {name: (image, one.limb) for name, (image, one) in found.items()}
+    return {}
 
 
 # --- one thing at a time ---

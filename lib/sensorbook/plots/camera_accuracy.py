@@ -63,8 +63,10 @@ def plot_by_angle(
     the formula's error of the centre times the median factor by which that turns TRIAD's attitude.
     """
     axes = new_row(len(tried), height=4.2, width=9.2) if axes is None else axes
+    entries = {}
     for a, (orbit, trials) in zip(axes, tried.items(), strict=True):
         rho = angular_radius(orbit)
+        a.set_title(orbit.upper(), fontsize=10)
         for colour, mark, name, errors in (
             (CHAIN, "s", "C's chain", [t.chain_error for t in trials]),
             (OURS, "o", "limb's cone", [t.error for t in trials]),
@@ -88,16 +90,18 @@ def plot_by_angle(
             factor = np.median([turned / bias for bias, turned in found])
             angles = np.linspace(0.01, np.pi / 2 - rho - 1e-4, 200)
             guide = factor * np.degrees([centre_bias(o, rho) for o in angles])
-            label = f"{factor:.2g} · Δ(θ)"
-            a.plot(np.degrees(angles), guide, color=GREY, lw=1.5, ls="--", label=label)
+            a.plot(np.degrees(angles), guide, color=GREY, lw=1.5, ls="--", label="factor · Δ(θ)")
+            a.set_title(f"{orbit.upper()}, factor {factor:.2g}", fontsize=10)
         a.axvline(90 - np.degrees(rho), color=GREY, lw=0.9, ls=":")
         a.set_yscale("log")
         a.set_xlim(0, max(75, *(np.degrees(t.off_axis) + 3 for t in trials)))
-        a.set_title(orbit.upper(), fontsize=10)
-        a.legend(fontsize=8, loc="center right")
+        entries |= dict(zip(*a.get_legend_handles_labels()[::-1], strict=True))
         labelled(a, "Earth's centre off the axis [°]", "")
     axes[0].set_ylabel("error of the attitude [°]")
     axes[0].set_ylim(bottom=1e-4)
+    axes[0].figure.legend(
+        entries.values(), entries, loc="outside lower center", ncols=3, fontsize=8
+    )
     return axes
 
 
@@ -155,7 +159,7 @@ def plot_varied(
     trials: Sequence[Trial],
     axes: Sequence[Axes] | None = None,
 ) -> Sequence[Axes]:
-    """Rms error, as measured and predicted, by pixels across and by noise; and each trial's by arc of limb."""
+    """Rms error, as measured and predicted, by pixels across and by noise; each trial's by arc of limb."""
     axes = new_row(3, height=4.0, width=9.6) if axes is None else axes
     for a, found, name in (
         (axes[0], by_size, "pixels across the image"),
@@ -180,6 +184,7 @@ def plot_varied(
     axes[2].set_xlabel("arc of limb used [°]")
     for a in axes:
         log_log(a)
+    axes[2].set_xscale("linear")
     for a, values in ((axes[0], list(by_size)), (axes[1], list(by_noise))):
         a.set_xticks(values)
         a.xaxis.set_major_formatter(ScalarFormatter())
