@@ -92,10 +92,9 @@ def test_every_preset_starts_with_both_in_view(orbit, cameras, look):
     if (orbit, cameras) == ("leo", 1):
         # 101° from the Sun the nadir is so far off the axis that the limb is a hyperbola.
         assert np.isnan(seen.ellipse_bias)
-        if look == "full":
-            assert (
-                "No Earth: The conic that fits the points best is no ellipse" in seen.chain_status
-            )
+        if look == "full":  # C's chain makes an ellipse of it all the same
+            assert seen.chain_status == "ok"
+            assert degrees(seen.chain_error) > 1
     elif look != "textured":
         assert seen.chain_status == "ok"
         assert degrees(seen.chain_error) > 10 * degrees(seen.error)
