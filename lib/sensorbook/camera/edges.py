@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from scipy.integrate import trapezoid
+from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtr
 
 from sensorbook.camera.model import Camera, grey
@@ -104,9 +105,10 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
     return placed(image, Edges(pixels[good], inward[good], np.ones(good.sum())), grain)
 
 
-def placed(image: np.ndarray, edges: Edges, grain: float, least: float = _RISE) -> Edges:
-    """Edges put where the brightness profile across them begins; `grain` is a pixel's noise, DN, and an
-    edge rises by `least` times what the smoothing leaves of it.
+def placed(image: np.ndarray, edges: Edges, grain: float, together: int = 1) -> Edges:
+    """Edges put where the brightness profile across them begins; `grain` is a pixel's noise, DN.
+
+    Profiles are averages over so many neighbours `together`, where these follow each other along an edge.
 
     A lit ball's brightness changes as the square root of the depth behind its limb, because its
     ground turns so quickly there; the steepest place of the image lies up to a pixel outside. The profile
@@ -119,6 +121,7 @@ def placed(image: np.ndarray, edges: Edges, grain: float, least: float = _RISE) 
     along = np.arange(-_PROFILE, _INSIDE + 1.0)
     places = edges.pixels[:, None] + along[:, None] * edges.inward[:, None]
     values = sample(smooth, places.reshape(-1, 2)).reshape(len(places), -1)
+    values = uniform_filter1d(values, together, axis=0, mode="nearest")
     # Beyond the brightest place of a thin crescent, or of a cloud, the profile says nothing of the limb.
     base, top = values[:, :3].mean(axis=-1), values.max(axis=-1)
     thin = values[:, -1] - base < 0.5 * (top - base)
@@ -148,7 +151,7 @@ def placed(image: np.ndarray, edges: Edges, grain: float, least: float = _RISE) 
         place = place + np.clip(
             (left * (values - model)).sum(axis=-1) / np.maximum(size, 1e-9), -0.5, 0.5
         )
-    grain = grain / (2 * np.sqrt(np.pi) * _PROFILE_BLUR)
+    grain = grain / (2 * np.sqrt(np.pi) * _PROFILE_BLUR) / np.sqrt(together)
     # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
     # ground's own pattern is in it.
     misfit = np.maximum(((values - model) ** 2).sum(axis=-1) / seen.sum(axis=-1) / grain**2, 1.0)
@@ -157,7 +160,7 @@ def placed(image: np.ndarray, edges: Edges, grain: float, least: float = _RISE) 
     )
     # A thin crescent is dark again at the profile's end.
     rise = model.max(axis=-1) - heights[:, 0]
-    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > least * grain)
+    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > _RISE * grain)
     return Edges(
         edges.pixels[good] + place[good, None] * edges.inward[good], edges.inward[good], sigma[good]
     )

@@ -16,7 +16,7 @@ from sensorbook.camera.model import Camera
 
 _BLUR = 1.0  # pixels
 _INSIDE, _OUTSIDE = 1.5, (2.5, 4.0, 5.5)  # pixels from the limb, where brightness is compared
-_RISE = 2.0  # of the noise, at every point
+_TOGETHER = 9  # pixels along the limb whose profiles are averaged
 _POINTS = 120  # around the limb
 _LEAST = (
     3.5  # standard errors of the noise that the limb stands out by; noise alone: 1.4, at most 2.2
@@ -85,7 +85,7 @@ def guided_edges(
     inward = camera.project(deeper @ turns[best]) - pixels
     inside = camera.sees(there @ turns[best], 6)
     inward = inward[inside] / np.linalg.norm(inward[inside], axis=-1, keepdims=True)
-    return placed(image, Edges(pixels[inside], inward, np.ones(inside.sum())), grain, _RISE)
+    return placed(image, Edges(pixels[inside], inward, np.ones(inside.sum())), grain, _TOGETHER)
 
 
 def _everywhere(weight: np.ndarray, rise: np.ndarray) -> bool:
