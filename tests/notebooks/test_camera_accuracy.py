@@ -1,0 +1,114 @@
+"""The chapter on the camera's accuracy: its numbers, and sentences that follow its parameters."""
+
+import numpy as np
+import pytest
+from devices import ended, read_chapter
+
+from sensorbook.camera.study import PRINTED
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory):
+    return read_chapter("camera_accuracy", tmp_path_factory.mktemp("chapter"))
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("few")
+    return read_chapter("camera_accuracy", folder, orbits=["geo"], frames=2, seed=5)
+
+
+def test_the_ellipse_s_centre(read):
+    found = read[0]["results"]["camera_accuracy"]
+    rho, theta = np.arcsin(6371 / 8371), np.radians(10)
+    # The middle of the limb's two ends in the image plane, not the closed form.
+    middle = (np.tan(theta - rho) + np.tan(theta + rho)) / 2
+    at_ten = found["centre_error_at_10_degrees"]
+    assert at_ten["leo"] == pytest.approx(np.arctan(middle) - theta, rel=1e-9)
+    assert np.degrees(at_ten["leo"]) == pytest.approx(13.6, abs=0.05)
+    assert np.degrees(found["no_ellipse_from"]["leo"]) == pytest.approx(40.4, abs=0.05)
+    assert "the ellipse's is **13.6°** off the Earth's; from θ = **40.4°** on" in read[1]
+
+
+def test_table_4_4(read):
+    found = read[0]["results"]["camera_accuracy"]["mean_error"]
+    for orbit, printed in PRINTED.items():
+        chain, cone = found["chain"][orbit], found["limb_cone"][orbit]
+        # The issue's bound on this house's copy of the chain.
+        assert 0.5 < np.degrees(np.mean(chain["components"])) / np.mean(printed) < 2
+        # The benchmark's goal is 0.04° and 0.05°; an even Earth is the easy case.
+        assert np.degrees(cone["whole"]) < 0.01
+        assert chain["whole"] > 100 * cone["whole"]
+        assert np.degrees(max(cone["components"])) < min(printed) / 50
+        assert cone["solved"] == read[0]["results"]["camera_accuracy"]["frames"]
+
+
+def test_c_s_error_is_the_formula_s(read):
+    found = read[0]["results"]["camera_accuracy"]
+    assert found["chain_off_formula"]["value"] < 0.05 * found["mean_error"]["chain"]["geo"]["whole"]
+    assert "**C's error is the ellipse's centre**" in read[1]
+
+
+def test_looks_and_crescents(read):
+    found = read[0]["results"]["camera_accuracy"]
+    looks = {name: look for name, look in found["looks"].items() if name != "unit"}
+    assert len(looks) == 4
+    for name, look in looks.items():
+        assert look["solved"] + sum(look["statuses"].values()) == look["count"]
+        assert np.degrees(look["median"]) < 0.05, name
+    assert looks["textured"]["median"] > 2 * looks["full"]["median"]
+    # A limb of 2 DN and less in 2 DN of noise, and one of 26 to 129.
+    assert found["crescents_solved"]["2"] == 0
+    assert found["crescents_solved"]["40"] == 1
+
+
+def test_haze_is_not_to_be_told_the_ground_s_radius(read):
+    haze = read[0]["results"]["camera_accuracy"]["haze_median"]
+    # 20 km are 0.21° from LEO.
+    assert np.degrees(haze["fixed to the ground"]) == pytest.approx(0.25, abs=0.1)
+    assert haze["with a prior"] < haze["fixed to the ground"] / 2
+
+
+def test_table_4_5(read):
+    largest = read[0]["results"]["camera_accuracy"]["largest_change_of_sun"]
+    for orbit, radius in (("leo", 8371e3), ("meo", 26371e3), ("geo", 42157e3)):
+        # At right angles to the Sun, which every orbit's plane has.
+        assert largest[orbit] == pytest.approx(np.arctan(radius / 149.6e9), rel=1e-4)
+    text = read[1]
+    assert "0.0032° from LEO, 0.0101° from MEO and **0.0161°** from GEO" in text
+    assert "The printed standard deviations are those of the nine vectors" in text
+    assert "they are unit vectors, as far as one can see" in text
+    assert "it would be the largest part of it" in text
+
+
+def test_sentences_change_with_the_facts(few):
+    record, text = few
+    found = record["results"]["camera_accuracy"]
+    assert set(found["mean_error"]["chain"]) == {"geo"}
+    assert "From GEO the disc's radius is 8.7°" in text
+    assert "From LEO" not in text
+    assert "1 picture an orbit" in text
+    assert "the limb is a hyperbola. C's fit" not in text
+    assert f"over {2} scenes from GEO" in text
+
+
+def test_another_seed_other_pictures(read, few):
+    one, other = (
+        r[0]["results"]["camera_accuracy"]["mean_error"]["chain"]["geo"] for r in (read, few)
+    )
+    assert one["whole"] != other["whole"]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"orbits": ["heo"]}, "orbits: is 'heo' — give one of leo, meo, geo"),
+        ({"orbits": []}, "orbits: number of orbits is 0 — give 1 to 3"),
+        ({"frames": 1}, "frames: number of pictures is 1 — give 2 to 1000"),
+        ({"seed": -1}, "seed: seed is -1 — give 0 to"),
+    ],
+)
+def test_nonsense_is_named(tmp_path, parameters, reason):
+    status, found = ended("camera_accuracy", tmp_path, **parameters)
+    assert status == "failed"
+    assert reason in found
