@@ -128,7 +128,7 @@ BAD = {
     "white": (lambda: np.full((360, 640), 255, np.uint8), "Sun not in view, Earth not in view"),
     "noise": (
         lambda: np.random.default_rng(1).integers(0, 256, (360, 640)).astype(np.uint8),
-        "Sun not told from other bright spots, Earth not in view",
+        "Sun not in view, Earth not in view",
     ),
 }  # fmt: skip
 
@@ -147,6 +147,15 @@ def test_a_small_disc_is_no_earth_where_the_place_is_known(tmp_path):
     frame = one_image(tmp_path, moon(), [taken(0)[0].row("a.png")])
     assert frame.status == "no solution: Sun not in view, no limb among the edges"
     assert frame.earth_direction is None
+
+
+def test_a_small_disc_is_no_earth_where_no_place_is_known(tmp_path):
+    frame = one_image(tmp_path, moon(), ())
+    assert frame.status == (
+        "no solution: Sun not in view, disc of 2.9° radius, too small for the Earth (5° or more where no "
+        "position is given)"
+    )
+    assert frame.record()["earth_angular_radius_deg"] is None
 
 
 def test_sixteen_bits_and_colour_give_what_eight_grey_bits_give(tmp_path):

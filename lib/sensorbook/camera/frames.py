@@ -25,6 +25,9 @@ from sensorbook.recordings.images import Images
 from sensorbook.recordings.poses import Pose
 
 NO_PAIR = "no solution: no image of the other camera at its time"
+# Of an Earth whose distance nobody tells: 8.7° from a geostationary orbit, 7° from the highest that many
+# use. The Moon's is 0.26°.
+LEAST_RADIUS = np.radians(5.0)
 _NO_POSE = Pose(None, None, None)
 
 
@@ -171,6 +174,12 @@ def _alone(frame: Frame) -> Frame:
             radius = expected_radius(np.linalg.norm(position), np.mean(frame.semi_axes))
         to_sun = None if sun is None else sun.direction
         limb = find_limb(picture, frame.camera, to_sun, radius)
+        if radius is None and limb.status == "ok" and limb.angular_radius < LEAST_RADIUS:
+            small = (
+                f"disc of {np.degrees(limb.angular_radius):.2g}° radius, too small for the Earth "
+                f"({np.degrees(LEAST_RADIUS):.0f}° or more where no position is given)"
+            )
+            limb = replace(limb, direction=None, angular_radius=None, covariance=None, status=small)
     missing = [what.status for what in (sun, limb) if what is not None and what.status != "ok"]
     status = "no solution: " + ", ".join(missing) if missing else "ok"
     return _with_earth(replace(frame, limb=limb, sun=sun, status=status))

@@ -13,6 +13,8 @@ SUN_RADIUS = 0.004652  # rad, from 1 AU (IAU 2015: 695 700 km over 149 597 871 k
 _BRIGHT = (
     0.94  # of the largest value an image can hold: the Sun saturates every camera that sees ground
 )
+_WHOLE = 1.2  # pixels: a disc of this radius covers one pixel wholly, wherever it lies
+_DIM = 0.5  # of the largest value: less is no Sun, however small
 _MOST_BLOBS = 300
 _LEAST_AREA = 0.3  # of its disc: a rim of a pixel's width does not saturate
 _LIKE = 0.25  # of the Sun's area: a second spot as large leaves it open which is the Sun
@@ -45,7 +47,10 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     told from sunlit clouds by its size: a compact saturated blob with darkness around it.
     """
     image = grey(image, camera)
-    bright = (image >= _BRIGHT * 255).astype(np.uint8)
+    # A disc of a pixel or two covers none of them wholly.
+    fills = min(SUN_RADIUS * camera.focal_px / _WHOLE, 1.0)
+    level = 255 * max(_BRIGHT * fills, _DIM)
+    bright = (image >= level).astype(np.uint8)
     _, _, stats, middles = cv2.connectedComponentsWithStats(bright, connectivity=8)
     spots, found = [], []
     # The largest ones: noise may lift thousands of single pixels of bright ground over the bound.
@@ -61,7 +66,7 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
             continue
         around = _ring(image, x, y, width, height)
         # Space around it on most sides; the limb may be near.
-        if not (around.size and np.mean(around < 0.5 * _BRIGHT * 255) > 0.6):
+        if not (around.size and np.mean(around < 0.5 * level) > 0.6):
             continue
         spots.append(area)
         # Hot pixels are fewer than those that the disc covers wholly.

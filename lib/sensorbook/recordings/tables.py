@@ -216,7 +216,10 @@ def source_of(path: Path, file: str) -> tuple[Source, ModuleType]:
             )
     for magic, name in NO_TABLE.items():
         if head.startswith(magic):
-            raise source.wrong(f"is {name}, not a table", "name a file that holds the recording")
+            mend = "name a file that holds the recording"
+            if name.endswith("image"):
+                mend += "; a camera's images need a device.toml that tells the camera"
+            raise source.wrong(f"is {name}, not a table", mend)
     module = next(module for magic, module in READERS.items() if head.startswith(magic))
     if compressed and module != "text":
         raise source.wrong("is a compressed binary file", "inflate it first: gunzip")
