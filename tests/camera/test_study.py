@@ -67,6 +67,8 @@ def test_chosen_pictures(orbit):
     radius = np.arcsin(EARTH_RADIUS / (EARTH_RADIUS + HEIGHTS[orbit]))
     for trial in tried:
         assert trial.as_chosen
+        assert trial.radius == pytest.approx(radius)
+        assert np.radians(20) <= trial.lit_arc < np.pi
         assert trial.off_axis == pytest.approx(np.arccos(trial.to_earth[2]))
         assert trial.chain is None
         assert CAMERA.sees(trial.to_earth), "its centre at least"

@@ -45,6 +45,8 @@ class Trial:
     ----------
     off_axis : rad, between the camera's axis and the Earth's centre
     to_earth, to_sun : (3,), true directions to the Earth's centre and the Sun, in camera axes
+    radius : rad, the Earth's angular radius
+    lit_arc : rad, how much lit limb is in view, around the Earth
     whole : whether the Earth's whole disc is in the picture
     centred, larger : whether its centre is, and whether the disc is larger than the picture is high
     found : by this house's way; `error` (3,) its error vector, rad, and `squared` that over its covariance
@@ -56,6 +58,8 @@ class Trial:
     off_axis: float
     to_earth: np.ndarray
     to_sun: np.ndarray
+    radius: float
+    lit_arc: float
     whole: bool
     centred: bool
     larger: bool
@@ -116,6 +120,8 @@ def _trial(image, position, sun, attitude, look, chain: bool) -> Trial:
         float(np.arccos(np.clip(to_earth[2], -1, 1))),
         to_earth,
         attitude @ sun,
+        float(np.arcsin(EARTH_RADIUS / np.linalg.norm(position))),
+        float(np.radians(lit_limb_in_view(position, sun, attitude, CAMERA))),
         *_in_view(position, attitude),
         found,
         error,
