@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter1d
 
 from sensorbook.camera.model import Camera
 
@@ -82,14 +82,18 @@ def texture(seed: int, rows: int = 512) -> np.ndarray:
     """A made-up Earth (rows, 2·rows): dark seas, brighter land, white clouds, 0.15 to 1."""
     rng = np.random.default_rng(seed)
 
+    latitude = np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)
+    frequency = np.fft.rfftfreq(2 * rows)
+
     def noise(sizes):
-        made = sum(
-            size
-            * _even(
-                gaussian_filter(rng.normal(size=(rows, 2 * rows)), size, mode=("nearest", "wrap"))
-            )
-            for size in sizes
-        )
+        made = 0.0
+        for size in sizes:  # rows; along a parallel as many degrees of arc, not of longitude
+            width = size / np.cos(latitude)[:, None]
+            gain = np.exp(-0.5 * (2 * np.pi * frequency * width) ** 2)
+            gain /= np.sqrt((gain**2).mean(axis=1, keepdims=True))
+            white = np.fft.rfft(rng.normal(size=(rows, 2 * rows)), axis=1)
+            along = np.fft.irfft(white * gain, axis=1)
+            made = made + size * _even(gaussian_filter1d(along, size, axis=0, mode="nearest"))
         return _even(made)
 
     land, cloud = noise((24, 12, 6)), noise((16, 8, 4, 2))
@@ -150,10 +154,15 @@ def _ground(scene: Scene, axes: np.ndarray, rays: np.ndarray, near: float):
 
 
 def _painted(painting: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Brightness of the ground below points (…, 3) in units of the semi-axes."""
+    """Brightness of the ground below points (N, 3) in units of the semi-axes, between the map's cells."""
     rows, columns = painting.shape
-    latitude = np.arctan2(point[..., 2], np.hypot(point[..., 0], point[..., 1]))
-    longitude = np.arctan2(point[..., 1], point[..., 0])
-    row = np.clip(((0.5 - latitude / np.pi) * rows).astype(int), 0, rows - 1)
-    column = ((longitude / (2 * np.pi) + 0.5) * columns).astype(int) % columns
-    return painting[row, column]
+    latitude = np.arctan2(point[:, 2], np.hypot(point[:, 0], point[:, 1]))
+    longitude = np.arctan2(point[:, 1], point[:, 0])
+    row = np.clip((0.5 - latitude / np.pi) * rows - 0.5, 0, rows - 1)
+    column = (longitude / (2 * np.pi) + 0.5) * columns - 0.5
+    top, left = np.floor(row).astype(int), np.floor(column).astype(int)
+    down, right = row - top, column - left
+    below, left, beside = np.minimum(top + 1, rows - 1), left % columns, (left + 1) % columns
+    return (1 - down) * (
+        (1 - right) * painting[top, left] + right * painting[top, beside]
+    ) + down * ((1 - right) * painting[below, left] + right * painting[below, beside])
