@@ -12,9 +12,10 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from sensorbook.camera.model import Camera
+from sensorbook.earth import EQUATOR_RADIUS, POLE_RADIUS
 
 EARTH_RADIUS = 6371e3  # m, C's sphere (table 4.1)
-WGS84 = (6378137.0, 6378137.0, 6356752.3142)  # m, semi-axes
+WGS84 = (EQUATOR_RADIUS, EQUATOR_RADIUS, POLE_RADIUS)  # m, semi-axes
 SUN_RADIUS = 695.7e6  # m (table 4.1)
 SUN_DISTANCE = 149.6e9  # m (table 4.1)
 HEIGHTS = {"leo": 2000e3, "meo": 20_000e3, "geo": 35_786e3}  # m (table 4.1)
