@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sensorbook.errors import InputError
-from sensorbook.parameters import Choice, Range, check, day, not_negative, positive, utc
+from sensorbook.parameters import Choice, Range, check, day, not_negative, positive, utc, whole
 
 
 def refused(call, *given):
@@ -50,6 +50,16 @@ def test_all_faults_at_once_and_wrong_lengths():
         "parameters: b: is [1.0] — give a list of 2: speed [rev/min], ratio",
         "parameters: c: is 2.0 — give a list of 2: speed [rev/min], ratio",
     ]
+
+
+def test_whole_numbers():
+    check(("seed", 3, whole("seed", 0, 10)), ("images", 20.0, whole("number", 20, 30)))
+    said = "parameters: seed: seed is 1.5 — give a whole number, 0 to 10"
+    assert refused(check, ("seed", 1.5, whole("seed", 0, 10))) == [said]
+    for wrong in (11, -1, float("nan"), "3", True):
+        assert (
+            "give a whole number, 0 to 10" in refused(check, ("seed", wrong, whole("s", 0, 10)))[0]
+        )
 
 
 def test_choice():

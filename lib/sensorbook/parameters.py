@@ -24,6 +24,7 @@ class Range:
     low: float = -math.inf
     high: float = math.inf
     open: bool = False  # the bounds themselves are no values
+    whole: bool = False  # a count or a seed
 
     def problem(self, where: str, value: Any) -> Problem | None:
         """What is wrong with a value; `where` names the parameter."""
@@ -31,9 +32,11 @@ class Range:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         inside = self.low < value < self.high if number and self.open else number
         if inside and math.isfinite(value) and (self.open or self.low <= value <= self.high):
-            return None
+            if not self.whole or value == int(value):
+                return None
         found = f"{value:g}{unit}" if number else repr(value)
-        return Problem(FILE, where, f"{self.name} is {found}", f"give {self._wanted(unit)}")
+        kind = "a whole number, " if self.whole else ""
+        return Problem(FILE, where, f"{self.name} is {found}", f"give {kind}{self._wanted(unit)}")
 
     def _wanted(self, unit: str) -> str:
         if math.isfinite(self.low) and math.isfinite(self.high):
@@ -67,6 +70,11 @@ def positive(name: str, unit: str = "") -> Range:
 def not_negative(name: str, unit: str = "") -> Range:
     """A number of zero or more: a noise, a bias or an error, which may be none."""
     return Range(name, unit, low=0.0)
+
+
+def whole(name: str, low: int, high: int) -> Range:
+    """A whole number from `low` to `high`: a count or a seed."""
+    return Range(name, low=low, high=high, whole=True)
 
 
 def check(*parameters: tuple[str, Any, Iterable[Range] | Range | Choice]) -> None:
