@@ -110,9 +110,9 @@ def test_angles_and_errors_are_those_of_the_attitude(cameras):
     assert matrix_from_euler("ZYX", seen.computed) == pytest.approx(seen.found.matrix)
     assert matrix_from_euler("ZYX", seen.chain_computed) == pytest.approx(seen.chain_matrix)
     table = seen.to_frame()
-    assert list(table.columns) == ["true", "work C's chain", "limb's cone"]
+    assert list(table.columns) == ["true", "work C's chain", "limb and Sun together"]
     assert table["true"].iloc[:3].to_numpy() == pytest.approx(np.degrees(seen.true), abs=5e-4)
-    assert table["limb's cone"].iloc[6] == pytest.approx(degrees(seen.error), abs=5e-4)
+    assert table["limb and Sun together"].iloc[6] == pytest.approx(degrees(seen.error), abs=5e-4)
     assert table["work C's chain"].iloc[3:6].to_numpy() == pytest.approx(
         np.degrees(seen.chain_error), abs=5e-4
     )
@@ -156,7 +156,7 @@ def test_chain_errs_by_the_ellipses_centre():
     st.integers(0, 2**32 - 1),
 )
 def test_proposed_angles_show_both(orbit, place, cameras, seed):
-    made = Settings(orbit=orbit, place=place, cameras=cameras)
+    made = Settings(orbit=orbit, place=place, cameras=cameras, look="lambert")
     angles = looking_at_both(made, seed)
     if angles is None:
         return
@@ -166,6 +166,15 @@ def test_proposed_angles_show_both(orbit, place, cameras, seed):
     to_camera = made.earth_camera.to_body.T @ made.attitude
     # Judged by points 4° apart here and 1° apart there.
     assert lit_limb_in_view(made.position, made.sun, to_camera, made.earth_camera) >= LEAST_ARC
+
+
+@pytest.mark.parametrize("place", [90, 95, 100, 102])
+def test_a_bright_earth_with_the_sun_near_its_limb_has_attitudes(place):
+    # The Sun is 9° to 2° above the limb: under Lambert's shading a crescent too thin to be seen.
+    seen = explore(proposed(place=np.radians(place), cameras=2))
+    assert seen.status == "ok"
+    assert degrees(seen.error) < 0.05
+    assert looking_at_both(Settings(place=np.radians(place), cameras=2, look="lambert")) is None
 
 
 def test_proposals_by_seed_are_many():
@@ -207,7 +216,7 @@ TURN = "Turn the satellite: other attitudes show both from here."
             "behind the Earth or at its limb.",
         ),
         (
-            Settings(place=np.radians(100)),
+            Settings(place=np.radians(100), look="lambert"),
             "as the Sun is 3° above the limb and lights but a thin crescent.",
         ),
         (
@@ -221,7 +230,7 @@ def test_what_has_no_solution_is_said(made, expected):
     assert expected in seen.status
     assert np.isnan(seen.error).all()
     assert np.isnan(seen.computed).all()
-    assert "limb&#x27;s cone" in seen._repr_html_() or "limb's cone" in seen._repr_html_()
+    assert "<th>limb and Sun together</th>" in seen._repr_html_()
     assert expected.replace("'", "&#x27;") in seen._repr_html_()
 
 
@@ -238,6 +247,22 @@ def test_chain_without_a_sun_says_so():
     assert seen.chain_matrix is None
     assert "No Sun: the brightest pixel has" in seen.chain_status
     assert np.isnan(seen.chain_error).all()
+
+
+def test_what_the_chain_takes_for_the_sun():
+    seen = explore(proposed(cameras=2))
+    # The centre of gravity of a disc of three pixels, 0.16° each.
+    assert np.degrees(seen.chain_sun_error) < 0.1
+    assert seen.chain_doubt == ""
+    # Any pixel that is white by chance, in this noise.
+    loud = explore(replace(proposed(cameras=2), noise=60.0))
+    away = loud.settings.sun_camera.to_body.T @ loud.settings.attitude @ loud.settings.sun
+    taken = loud.chain[1].sun_direction
+    assert loud.chain_sun_error == pytest.approx(np.arccos(taken @ away))
+    assert loud.chain_sun_error > np.radians(2)
+    said = f"takes for the Sun is {np.degrees(loud.chain_sun_error):.0f}° from it"
+    assert (said in loud.chain_doubt) == (loud.chain_status == "ok")
+    assert loud.chain_doubt.replace("'", "&#x27;") in loud._repr_html_()
 
 
 def test_near_the_lock_the_angles_are_said_to_be_weak():

@@ -152,7 +152,7 @@ def test_scene_of_one_camera():
     ((chain, ours),) = plots.plot_scene(seen)
     assert [a.get_title() for a in (chain, ours)] == [
         "camera, work C's chain",
-        "camera, limb's cone",
+        "camera, limb and Sun together",
     ]
     true = WIDE.project(seen.settings.attitude @ -seen.settings.position)
     for axes in (chain, ours):

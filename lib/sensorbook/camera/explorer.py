@@ -1,6 +1,6 @@
 """Work C's simulator (4.4, fig. 4.14) as a function: orbit, place, angles and cameras in, what follows out.
 
-The images are rendered with the attitude as set; work C's chain and the way through the limb's cone find
+The images are rendered with the attitude as set; work C's chain and the limb and the Sun together find
 it again, and both are compared with what was set.
 """
 
@@ -42,6 +42,7 @@ LOOKS = ("full", "lambert", "textured")
 CAMERAS = (1, 2)
 SUN = np.array([0.5231, -0.5232, -0.6727])  # from the Earth, in C's frame (table 4.5)
 SUN /= np.linalg.norm(SUN)
+WRONG_SUN = np.radians(2)  # from the Sun, beyond which no centre of its disc can lie
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ class Exploration:
     Attributes
     ----------
     images : of the Earth camera and of the Sun camera, (height, width), uint8; of one camera the same
-    found : by the limb's cone and the Sun's disc
+    found : by the limb's edges and the Sun's disc together, from the cone on
     chain : work C's, in the Earth camera's image and in the Sun camera's; of one camera the same
     chain_matrix : (3, 3), body from inertial, of C's chain by TRIAD, the Sun first; None without
     off_axis : rad, the Earth's centre from the Earth camera's axis
@@ -136,7 +137,7 @@ class Exploration:
 
     @property
     def computed(self) -> np.ndarray:
-        """(3,), rad, by the limb's cone; NaN without a solution."""
+        """(3,), rad, by limb and Sun together; NaN without a solution."""
         return _angles(self.found.matrix)
 
     @property
@@ -167,15 +168,28 @@ class Exploration:
 
     @property
     def centre_error(self) -> float:
-        """rad, from the Earth's centre to that of the limb's cone; NaN without one."""
+        """rad, from the Earth's centre to the cone's axis, the limb's alone; NaN without one."""
         return self._centre_error(self.found.limb.direction)
 
     def _centre_error(self, direction: np.ndarray | None) -> float:
-        if direction is None:
-            return float("nan")
         to_camera = self.settings.earth_camera.to_body.T @ self.settings.attitude
-        down = to_camera @ -self.settings.position / np.linalg.norm(self.settings.position)
-        return float(np.arctan2(np.linalg.norm(np.cross(direction, down)), direction @ down))
+        return _apart(direction, to_camera @ -self.settings.position)
+
+    @property
+    def chain_sun_error(self) -> float:
+        """rad, from the Sun to what C's chain takes for it; NaN where it takes nothing for it."""
+        made, found = self.settings, self.chain[1].sun_direction
+        return _apart(found, made.sun_camera.to_body.T @ made.attitude @ made.sun)
+
+    @property
+    def chain_doubt(self) -> str:
+        """What is wrong with an attitude of C's chain without its knowing; "" for nothing known."""
+        if self.chain_status != "ok" or not self.chain_sun_error > WRONG_SUN:
+            return ""
+        return (
+            f"What C's chain takes for the Sun is {np.degrees(self.chain_sun_error):.0f}° from it: "
+            "its attitude is none."
+        )
 
     @property
     def locked(self) -> bool:
@@ -188,7 +202,7 @@ class Exploration:
         columns = {
             "true": np.append(self.true, np.full(4, np.nan)),
             "work C's chain": np.append(self.chain_computed, errors[0]),
-            "limb's cone": np.append(self.computed, errors[1]),
+            "limb and Sun together": np.append(self.computed, errors[1]),
         }
         rows = [f"{name} [°]" for name in ("yaw", "pitch", "roll")]
         rows += [f"error about {axis} [°]" for axis in "xyz"] + ["whole error [°]"]
@@ -199,6 +213,7 @@ class Exploration:
     def _repr_html_(self) -> str:
         said = [self.status] if self.status != "ok" else []
         said += [f"Work C's chain: {self.chain_status}"] if self.chain_status != "ok" else []
+        said += [self.chain_doubt] if self.chain_doubt else []
         said += [LOCKED] if self.locked else []
         table = self.to_frame().to_html(border=0, na_rep="–")
         return table + "".join(f"<p>{html.escape(one)}</p>" for one in said)
@@ -206,7 +221,8 @@ class Exploration:
 
 LOCKED = (
     "The pitch is near ±90°, where yaw and roll turn about nearly the same axis: small errors of the "
-    "attitude are large ones of these two angles. Compare the errors about the axes."
+    "attitude are large ones of these two angles, and at ±90° itself the table may share the turn between "
+    "them in another way than the sliders. Compare the errors about the axes."
 )
 
 
@@ -258,6 +274,12 @@ def _painting() -> np.ndarray:
 
 def _angles(matrix: np.ndarray | None) -> np.ndarray:
     return np.full(3, np.nan) if matrix is None else euler_from_matrix(SEQUENCE, matrix)
+
+
+def _apart(found: np.ndarray | None, true: np.ndarray) -> float:
+    if found is None:
+        return float("nan")
+    return float(np.arctan2(np.linalg.norm(np.cross(found, true)), found @ true))
 
 
 def _error(matrix: np.ndarray | None, true: np.ndarray) -> np.ndarray:

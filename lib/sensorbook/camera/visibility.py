@@ -63,7 +63,8 @@ def _limb(settings: Settings, step: float = _STEP) -> tuple[np.ndarray, np.ndarr
     frame = _triads(down[None], np.zeros(1))[0]  # its columns: down, and two across it
     limb = ring @ frame[:, [1, 2, 0]].T
     ground = (np.cos(size) * limb - down) / np.sin(size)
-    return limb, ground @ settings.sun > LIT
+    # An evenly bright Earth is so at night, too, but edges that face away from the Sun are not trusted.
+    return limb, ground @ settings.sun > (0 if settings.look == "full" else LIT)
 
 
 def _triads(first: np.ndarray, turn: np.ndarray) -> np.ndarray:
@@ -138,10 +139,11 @@ def _no_limb(settings: Settings) -> str:
         if to_camera[2] @ -settings.position > np.sqrt(distance**2 - EARTH_RADIUS**2):
             return f"The ground fills the {name}'s view: no part of the limb is in it."
         return f"No part of the Earth is in the {name}'s view."
+    side = "the side away from the Sun" if settings.look == "full" else "its night side"
     if not bright:
-        return f"Of the limb only its night side is in the {name}'s view."
+        return f"Of the limb only {side} is in the {name}'s view."
     if bright < LEAST_ARC:
-        night = " The rest of what is in view is at its night side." if bright < arc else ""
+        night = f" The rest of what is in view is at {side}." if bright < arc else ""
         return (
             f"Only {bright}° of the lit limb around the Earth are in the {name}'s view, too little "
             f"to tell it by.{night}"

@@ -94,15 +94,15 @@ def plot_baseline(
         curve = found.ellipse.points(720)
         inside = ((curve >= -0.5) & (curve <= [camera.width - 0.5, camera.height - 0.5])).all(1)
         curve = np.where(inside[:, None], curve, np.nan)
-        axes.plot(*curve.T, color=CURVE, linewidth=1.2, label="fitted ellipse")
-        _earth(found.earth_direction, camera, "ellipse's centre", axes)
+        axes.plot(*curve.T, color=CURVE, linewidth=1.4, linestyle="--", label="fitted ellipse")
+        _earth(found.earth_direction, camera, "ellipse's centre", axes, "D")
     if found.sun_direction is not None:
         _sun(camera.project(found.sun_direction), axes)
     return _finished(axes, legend)
 
 
 def plot_scene(seen: Exploration) -> np.ndarray:
-    """What the cameras of a scene see: Axes (cameras, 2), by work C's chain and by the limb's cone."""
+    """What the cameras of a scene see: Axes (cameras, 2), by work C's chain and by limb and Sun together."""
     made, found = seen.settings, seen.found
     earth, sun = seen.chain
     views = [("camera", made.earth_camera, seen.images[0], earth, found.limb, found.sun)]
@@ -118,7 +118,7 @@ def plot_scene(seen: Exploration) -> np.ndarray:
         plot_baseline(image, camera, chain, legend=False, axes=row[0])
         plot_view(image, camera, limb, disc, legend=False, axes=row[1])
         down = camera.to_body.T @ made.attitude @ -made.position
-        for axes, way in zip(row, ("work C's chain", "limb's cone"), strict=True):
+        for axes, way in zip(row, ("work C's chain", "limb and Sun together"), strict=True):
             axes.set_title(f"{name}, {way}", fontsize=10)
             if name != "Sun camera" and camera.sees(down):
                 axes.plot(
@@ -170,11 +170,13 @@ def _sun(pixel: np.ndarray, axes: Axes) -> None:
     axes.plot(*pixel, "o", color=SUN, ms=7, mec="black", mew=0.8, label="Sun's centre")
 
 
-def _earth(direction: np.ndarray, camera: Camera, name: str, axes: Axes) -> None:
-    """A cross at a direction (3,), or at the border an arrow that points there."""
+def _earth(direction: np.ndarray, camera: Camera, name: str, axes: Axes, mark: str = "X") -> None:
+    """A mark at a direction (3,), or at the border an arrow that points there."""
     if camera.sees(direction):
         pixel = camera.project(direction)
-        axes.plot(*pixel, "X", color=EARTH, ms=9, mec="black", mew=0.8, label=name)
+        axes.plot(
+            *pixel, mark, color=EARTH, ms=9 if mark == "X" else 7, mec="black", mew=0.8, label=name
+        )
         return
     # The way there from the middle of the image, also to what is behind the camera.
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
