@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import tomli
 
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.advice import advise, with_remedies
@@ -73,7 +73,7 @@ def _open(path: Path) -> tuple[Device | None, list[Problem]]:
         data = source.read_bytes()
         if len(data) > _LARGEST_DECLARATION:
             return wrong("is larger than 1 MiB", "recordings belong into files of their own")
-        table = tomllib.loads(data.decode("utf-8-sig"))
+        table = tomli.loads(data.decode("utf-8-sig"))
     except OSError as error:
         return wrong(f"cannot be read: {error.strerror}", "check the file and its rights")
     except UnicodeDecodeError:

@@ -8,7 +8,6 @@ import re
 import tempfile
 import threading
 import time
-import tomllib
 import traceback
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import nbformat
+import tomli
 
 import sensorbook
 from sensorbook.errors import InputError
@@ -103,7 +103,7 @@ def open_source(path: Path, said: Said) -> Source | None:
 def _declared_id(declaration: Path) -> str:
     """The id of a device that cannot be read otherwise: its earlier report must not stand."""
     with contextlib.suppress(OSError, ValueError, RecursionError):
-        name = tomllib.loads(declaration.read_text(encoding="utf-8")).get("id")
+        name = tomli.loads(declaration.read_text(encoding="utf-8")).get("id")
         if isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
             return "" if name in ("index.html", "book") else name
     return ""
