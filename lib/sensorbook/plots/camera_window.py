@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,10 +30,10 @@ _BLOCKS = {
     "sun view": (3.7, 4.0, 0.95, "picture of the\nSun camera", _SHARED),
     "earth view": (3.7, 2.3, 0.95, "picture of the\nEarth camera", _SHARED),
     "reference": (3.7, 0.6, 0.95, "reference vectors\nto Sun and Earth", _SHARED),
-    "blob": (6.5, 4.6, 1.3, "brightest spot,\nvector, 1st matrix", _C),
+    "blob": (6.5, 4.75, 1.3, "brightest spot,\nvector, 1st matrix", _C),
     "chain": (
         6.5,
-        3.4,
+        3.32,
         1.3,
         "median, Canny, longest\nedge, ellipse, centre,\nvector, 2nd matrix",
         _C,
@@ -53,7 +55,7 @@ def plot_blocks(axes: Axes | None = None) -> Axes:
     """What follows from what in the simulator; C's own blocks orange, this house's blue."""
     if axes is None:
         axes = plt.subplots(figsize=(9.6, 4.2), layout="constrained")[1]
-    axes.set(xlim=(0, 12.6), ylim=(-0.35, 5.2))
+    axes.set(xlim=(0, 12.6), ylim=(-0.35, 5.4))
     axes.axis("off")
     for x, y, half, words, colour in _BLOCKS.values():
         tall = 0.22 + 0.17 * (words.count("\n") + 1)
@@ -67,7 +69,8 @@ def plot_blocks(axes: Axes | None = None) -> Axes:
     for start, end in _ARROWS:
         _to(axes, start, end)
     # The reference vectors go to both solvers, below the blocks between.
-    for solver, x, colour in (("triad", 8.15, _C), ("joint", 8.15, _OURS)):
+    x = 8.15
+    for solver in ("triad", "joint"):
         y = _BLOCKS[solver][1]
         axes.plot([4.65, x, x], [0.6, 0.6, y - 0.12], color=GREY, lw=1.2)
         _arrow(axes, (x, y - 0.12), (8.4, y - 0.12))
@@ -88,7 +91,8 @@ def _to(axes: Axes, start: str, end: str) -> None:
 
 def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
     axes.annotate(
-        "", xy=end, xytext=start, arrowprops={"arrowstyle": "-|>", "color": GREY, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
+        "", xy=end, xytext=start,
+        arrowprops={"arrowstyle": "-|>", "color": GREY, "lw": 1.2, "shrinkA": 0, "shrinkB": 0},
     )  # fmt: skip
 
 
@@ -98,14 +102,14 @@ def plot_window(seen: Exploration) -> np.ndarray:
     Pictures are the Earth camera's, by C's chain and by limb and Sun together.
     """
     made = seen.settings
-    figure, grid = plt.subplots(
-        2, 2, figsize=(9.6, 5.4), layout="constrained", height_ratios=(1, 1.25)
-    )
+    _, grid = plt.subplots(2, 2, figsize=(9.6, 5.4), layout="constrained", height_ratios=(1, 1.25))
     _controls(seen, grid[0, 0])
     _numbers(seen, grid[0, 1])
     camera, image = made.earth_camera, seen.images[0]
-    plot_baseline(image, camera, seen.chain[0], legend=False, axes=grid[1, 0])
-    plot_view(image, camera, seen.found.limb, seen.found.sun if made.cameras == 1 else None, legend=False, axes=grid[1, 1])  # fmt: skip
+    chain = seen.chain[0] if made.cameras == 1 else replace(seen.chain[0], sun_direction=None)
+    sun = seen.found.sun if made.cameras == 1 else None
+    plot_baseline(image, camera, chain, legend=False, axes=grid[1, 0])
+    plot_view(image, camera, seen.found.limb, sun, legend=False, axes=grid[1, 1])
     for axes, way in zip(grid[1], ("work C's chain", "limb and Sun together"), strict=True):
         axes.set_title(way, fontsize=9)
         axes.tick_params(labelsize=7)
