@@ -31,9 +31,9 @@ class Range:
         unit = self.unit if self.unit in ("", "°") else f" {self.unit}"
         number = isinstance(value, int | float) and not isinstance(value, bool)
         inside = self.low < value < self.high if number and self.open else number
-        if inside and math.isfinite(value) and (self.open or self.low <= value <= self.high):
-            if not self.whole or value == int(value):
-                return None
+        inside = inside and math.isfinite(value) and (not self.whole or value == int(value))
+        if inside and (self.open or self.low <= value <= self.high):
+            return None
         found = f"{value:g}{unit}" if number else repr(value)
         kind = "a whole number, " if self.whole else ""
         return Problem(FILE, where, f"{self.name} is {found}", f"give {kind}{self._wanted(unit)}")
