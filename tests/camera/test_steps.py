@@ -1,5 +1,6 @@
 """One image's steps: geometry of the ellipse's centre, profiles, attitudes by each way."""
 
+import cv2
 import numpy as np
 import pytest
 from cameras import EARTH, ONE, SUN, pair, recording, shot, write
@@ -8,18 +9,25 @@ from hypothesis import strategies as st
 
 import sensorbook
 from sensorbook.attitude.rotations import error_vector
-from sensorbook.camera.ellipse import direct_ellipse
+from sensorbook.camera.baseline import HIGH, LOW, baseline
+from sensorbook.camera.ellipse import Ellipse, direct_ellipse
 from sensorbook.camera.model import Camera
 from sensorbook.camera.steps import (
     CHAIN,
     FIRST,
     JOINT,
+    PATCH,
     around,
     best_edge,
     centre_bias,
     edge_profile,
     field_of_view,
+    gradient,
+    half_ellipse,
+    patch,
+    share_on_limb,
     take_steps,
+    telling_pixel,
 )
 from sensorbook.camera.survey import survey
 
@@ -66,6 +74,71 @@ def test_field_of_view():
     )
     off = Camera(100, 100, 50.0, principal_point=(-0.5, 49.5))  # all of it on one side of the axis
     assert np.degrees(field_of_view(off)) == pytest.approx([np.degrees(np.arctan(2)), 90])
+
+
+def thresholded(found):
+    """Canny's edges from what is largest along the gradient: all above LOW that touch one above HIGH."""
+    weak, strong = (found.thin & (found.size > level) for level in (LOW, HIGH))
+    _, sets = cv2.connectedComponents(weak.astype(np.uint8), connectivity=8)
+    return weak & np.isin(sets, sets[strong])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_gradient_is_canny_s(seed):
+    chain = baseline(shot(seed).image(), ONE)
+    assert chain.edges.sum() > 100
+    np.testing.assert_array_equal(thresholded(gradient(chain.filtered)), chain.edges)
+    # Edges in every direction, to the border.
+    noise = np.random.default_rng(seed).integers(0, 256, (90, 120)).astype(np.uint8)
+    rough = cv2.medianBlur(noise, 7)
+    chain = baseline(cv2.resize(rough, (640, 360)), ONE)
+    np.testing.assert_array_equal(thresholded(gradient(chain.filtered)), chain.edges)
+
+
+def test_the_pixel_shown_has_edges_of_both_kinds():
+    chain = baseline(shot(0).image(), ONE)
+    found = gradient(chain.filtered)
+    pixel = telling_pixel(chain, found)
+    assert chain.edges[pixel[::-1]]
+    thin, size = patch(found.thin, pixel), patch(found.size, pixel)
+    assert thin.shape == (PATCH, PATCH)
+    assert size[PATCH // 2, PATCH // 2] == found.size[pixel[::-1]]
+    assert (thin & (size > HIGH)).any()
+    assert (thin & (size > LOW) & (size <= HIGH)).any()
+
+
+def test_a_patch_stays_inside():
+    image = np.arange(20 * 30).reshape(20, 30)
+    np.testing.assert_array_equal(patch(image, (0, 19), 7), image[13:, :7])
+    np.testing.assert_array_equal(patch(image, (10, 8), 7), image[5:12, 7:14])
+    assert patch(image[:5], (29, 0), 7).shape == (5, 7)
+
+
+class Chain:
+    """Edges of an ellipse whose part from 0° to 240° is seen."""
+
+    turn = np.radians(np.arange(0.0, 240.0))
+    chain = np.stack([300 + 120 * np.cos(turn), 200 + 80 * np.sin(turn)], axis=1)[::-1]
+    ellipse = Ellipse(np.array([300.0, 200]), np.array([120.0, 80]), 0.0, np.zeros(6))
+
+
+def test_half_of_an_ellipse_s_edges():
+    points, ellipse = half_ellipse(Chain)
+    # The half after the gap, in its order, whatever that of the chain was.
+    np.testing.assert_allclose(points, Chain.chain[::-1][:120])
+    # Exact points, but for the barrier, which pulls on an arc of 120° by a fraction of a pixel.
+    assert ellipse.centre == pytest.approx(Chain.ellipse.centre, abs=1.0)
+
+
+def test_the_part_of_a_chain_that_is_limb(steps):
+    limb, camera = steps.limb, steps.earth.camera
+    assert share_on_limb(steps.chain, limb, camera) > 0.5
+
+    class Both:
+        on = limb.pixels[limb.used]
+        chain = np.concatenate([on, on + np.array([0, 40.0])])
+
+    assert 0.45 < share_on_limb(Both, limb, camera) < 0.6
 
 
 @pytest.fixture(scope="module")

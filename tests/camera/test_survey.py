@@ -150,7 +150,7 @@ def test_where_none_is_solved_the_one_that_shows_most_is_chosen(tmp_path):
     assert found.attitudes == []
     assert normalised_errors(found.attitudes).shape == (0,)
     assert {key: len(values) for key, values in earth_errors(found).items()} == dict.fromkeys(
-        ("off_axis", "ours", "chain"), 0
+        ("off_axis", "cone", "together", "chain"), 0
     )
 
 
@@ -162,12 +162,16 @@ def test_earth_errors(found):
         for k, f in enumerate(found.frames)
         if f.image in ("one/c.png", "earth/c.png")
     ]
-    assert len(errors["ours"]) == len(frames) == 2
+    assert len(errors["cone"]) == len(frames) == 2
     for k, frame in enumerate(frames):
         true = true_earth(frame)
         assert errors["off_axis"][k] == pytest.approx(np.arccos(true[2]))
-        assert errors["ours"][k] == pytest.approx(np.arccos(frame.earth_direction @ true), abs=1e-7)
-        assert errors["ours"][k] < np.radians(0.1)
+        together = np.arccos(np.clip(frame.earth_direction @ true, -1, 1))
+        assert errors["together"][k] == pytest.approx(together, abs=1e-7)
+        assert errors["together"][k] < np.radians(0.1)
+        alone = np.arccos(np.clip(frame.limb.direction @ true, -1, 1))
+        assert errors["cone"][k] == pytest.approx(alone, abs=1e-7)
+        assert errors["cone"][k] != errors["together"][k]
 
 
 def test_an_image_with_an_ellipse(found):

@@ -97,13 +97,17 @@ def test_demo_says_what_it_found(demo):
         for n in re.search(r"\), ([\d.]+)° apart.*?measured are ([\d.]+)° apart", page).groups()
     )
     assert seen == pytest.approx(known, abs=0.1)
-    assert "as work C does, the Sun would be off by" in page
+    assert "but for very precise attitude: here it would be off by" in page
     assert (
         "3 of 18 images have no solution: Sun not in view (one/0007.png, earth/0005.png, sun/0005.png)."
         in page
     )
     assert "1 of 18 images has no solution: Earth not in view." in page
-    assert "C's chain gives one for" in page
+    assert "C's chain gives a direction in" in page
+    assert re.search(
+        r"The cone's axis errs by [\d.]+° in the median over 12 images, limb and Sun together by",
+        page,
+    )
     warnings = [w["message"] for w in demo.results["warnings"]]
     assert len(warnings) == 2
     alone = float(re.search(r"Against the true attitude their error is ([\d.]+)°", page)[1])
@@ -255,7 +259,8 @@ def test_an_earth_camera_alone(tmp_path):
     )
     assert "No attitude is made of this image: its camera looks for one body alone." in page
     assert "No attitude was made, so that none can be judged." in page
-    assert "The direction to the Earth's centre errs by" in page
+    assert "The cone's axis errs by" in page
+    assert "limb and Sun together by" not in page
     for k, moment in enumerate(moments):
         found = images_of(report)[f"{k}.png"]
         assert found["quaternion"] is None

@@ -122,10 +122,10 @@ def test_the_bias_of_the_centre():
     off, radius = np.radians([20, 30])
     axes = plots.plot_centre_bias(off, radius)
     assert labels(axes) == [
+        "this image, ρ = 30.0°",
         "C's LEO",
         "C's MEO",
         "C's GEO",
-        "this image, ρ = 30.0°",
         "its θ = 20.0°",
     ]
     curve = drawn(axes, "this image, ρ = 30.0°")
@@ -153,15 +153,17 @@ def test_long_names_and_reasons_are_cut():
 
 
 def test_off_axis():
-    errors = {"off_axis": np.radians([10.0, 20, 30]), "ours": np.radians([0.01, 0, 0.02]),
+    errors = {"off_axis": np.radians([10.0, 20, 30]), "cone": np.radians([0.01, 0, 0.02]),
+              "together": np.radians([0.001, np.nan, np.nan]),
               "chain": np.radians([np.nan, 1, 2])}  # fmt: skip
     axes = plots.plot_off_axis(errors)
     assert axes.get_yscale() == "log"
     assert drawn(axes, "C's chain: centre of the ellipse") == pytest.approx(
         np.array([[20, 1], [30, 2]])
     )
-    assert drawn(axes, "cone of the limb")[1] == pytest.approx([20, 1e-5]), (
+    assert drawn(axes, "the cone's axis")[1] == pytest.approx([20, 1e-5]), (
         "drawn, though without error"
     )
-    errors["chain"][:] = np.nan
-    assert labels(plots.plot_off_axis(errors)) == ["cone of the limb"]
+    assert drawn(axes, "limb and Sun together") == pytest.approx(np.array([[10, 1e-3]]))
+    errors["chain"][:] = errors["together"][:] = np.nan
+    assert labels(plots.plot_off_axis(errors)) == ["the cone's axis"]

@@ -10,7 +10,8 @@ import numpy as np
 from sensorbook.attitude import triad, two_vector
 from sensorbook.attitude.rotations import error_vector, matrix_from_quaternion
 from sensorbook.camera.attitude import ImageAttitude, attitude_from_image
-from sensorbook.camera.baseline import WINDOW, Baseline, baseline
+from sensorbook.camera.baseline import HIGH, LOW, SMOOTHING, WINDOW, Baseline, baseline
+from sensorbook.camera.ellipse import Ellipse, guaranteed_ellipse
 from sensorbook.camera.frames import Frame
 from sensorbook.camera.limb import Limb
 from sensorbook.camera.model import Camera
@@ -24,6 +25,7 @@ CHAIN, FIRST, JOINT = (
     "edges and Sun together",
 )
 _REACH = (14, 8)  # pixels outside and inside of an edge that its profile shows
+PATCH = 9  # pixels, side of the part of an image that is shown in numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +110,114 @@ def take_chain(frame: Frame) -> tuple[np.ndarray, Baseline]:
     return image, baseline(image, frame.camera)
 
 
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """What Canny's method has of an image before its thresholds.
+
+    Attributes
+    ----------
+    size : (H, W), of the smoothed image's gradient, as sums of Sobel's 3 × 3 (a slope of one is 8)
+    thin : (H, W) bool, where it is larger than at both neighbours along the gradient
+    """
+
+    size: np.ndarray
+    thin: np.ndarray
+
+
+def gradient(filtered: np.ndarray) -> Gradient:
+    """The gradient of an image (H, W), uint8, after the median, and where it is largest along itself.
+
+    As OpenCV's Canny has it, which knows four directions: along rows, columns and the two diagonals.
+    """
+    smooth = cv2.GaussianBlur(filtered, *SMOOTHING)
+    dx, dy = (
+        cv2.Sobel(smooth, cv2.CV_32F, *way, ksize=3, borderType=cv2.BORDER_REPLICATE)
+        for way in ((1, 0), (0, 1))
+    )
+    size = np.hypot(dx, dy)
+    square = np.pad(dx**2 + dy**2, 1)
+
+    def beside(down: int, right: int) -> np.ndarray:
+        high, wide = square.shape
+        return square[1 + down : high - 1 + down, 1 + right : wide - 1 + right]
+
+    own = beside(0, 0)
+    flat, steep = (np.abs(dy) < t * np.abs(dx) for t in np.tan(np.radians([22.5, 67.5])))
+    falling = (dx < 0) == (dy < 0)  # the diagonal from top left to bottom right
+    thin = np.select(
+        [flat, ~steep, falling],
+        [
+            (own > beside(0, -1)) & (own >= beside(0, 1)),
+            (own > beside(-1, 0)) & (own >= beside(1, 0)),
+            (own > beside(-1, -1)) & (own > beside(1, 1)),
+        ],
+        (own > beside(-1, 1)) & (own > beside(1, -1)),
+    )
+    return Gradient(size, thin)
+
+
+def telling_pixel(chain: Baseline, found: Gradient) -> tuple[int, int]:
+    """Column and row of the chain's pixel whose patch shows most of Canny's two thresholds.
+
+    In most of them all edges are strong; sought is one around which some are, and some go on below.
+    """
+    strong = found.thin & (found.size > HIGH)
+    weak = found.thin & (found.size > LOW) & ~strong
+    counts = [
+        cv2.boxFilter(mask.astype(np.float32), -1, (PATCH, PATCH), normalize=False)
+        for mask in (strong, weak)
+    ]
+    x, y = chain.chain.astype(int).T
+    half = PATCH // 2
+    high, wide = found.size.shape
+    inside = (x >= half) & (x < wide - half) & (y >= half) & (y < high - half)
+    best = int(np.argmax(np.where(inside, np.minimum(*counts)[y, x], -1)))
+    return int(x[best]), int(y[best])
+
+
+def patch(image: np.ndarray, pixel: tuple[int, int], side: int = PATCH) -> np.ndarray:
+    """The part (side, side) of an image around column and row `pixel`, moved inside at the border."""
+    x, y = patch_corner(image, pixel, side)
+    return image[y : y + side, x : x + side]
+
+
+def patch_corner(image: np.ndarray, pixel: tuple[int, int], side: int = PATCH) -> tuple[int, int]:
+    """Column and row of a patch's first pixel."""
+    high, wide = image.shape
+    x, y = (
+        int(np.clip(p - side // 2, 0, max(n - side, 0)))
+        for p, n in zip(pixel, (wide, high), strict=True)
+    )
+    return x, y
+
+
+def half_ellipse(chain: Baseline) -> tuple[np.ndarray, Ellipse]:
+    """Half of a chain's edges (N, 2), those on one side of their ellipse, and the ellipse through these.
+
+    Raises `Refusal` where half of the edges tell none.
+    """
+    ellipse = chain.ellipse
+    away = (chain.chain - ellipse.centre) / ellipse.semi_axes.max()
+    turn = np.sort(np.arctan2(away[:, 1], away[:, 0]))
+    # From the end of the widest gap on, so that the half is one arc.
+    gaps = np.diff(turn, append=turn[0] + 2 * np.pi)
+    start = turn[(int(np.argmax(gaps)) + 1) % len(turn)]
+    order = np.argsort((np.arctan2(away[:, 1], away[:, 0]) - start) % (2 * np.pi), kind="stable")
+    half = chain.chain[order[: len(order) // 2]]
+    return half, guaranteed_ellipse(half)
+
+
+def share_on_limb(chain: Baseline, limb: Limb, camera: Camera, within: float = 3.0) -> float:
+    """The part of a chain's edges that lie so many pixels or less from the limb that was found."""
+    rays = camera.rays(chain.chain)
+    off = np.arccos(np.clip(rays @ limb.direction, -1, 1)) - limb.angular_radius
+    # A pixel's angle where it is, towards the limb's axis.
+    inward = limb.direction - (rays @ limb.direction)[:, None] * rays
+    inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-12)
+    pixel = 1e-4 / np.linalg.norm(camera.project(rays + 1e-4 * inward) - chain.chain, axis=1)
+    return float(np.mean(np.abs(off) <= within * pixel))
+
+
 def field_of_view(camera: Camera) -> tuple[float, float]:
     """Angles across and down that an image spans through its principal point, rad.
 
@@ -128,7 +238,7 @@ def centre_bias(off: float, radius: float) -> float | None:
 
     The limb of angular `radius` ρ about a direction `off` = θ the axis runs from tan(θ − ρ) to tan(θ + ρ)
     in the image; the middle is sin θ cos θ/(cos²θ − sin²ρ). None from θ + ρ = 90° on, where the limb is no
-    ellipse but a branch of a hyperbola.
+    ellipse but a parabola, and beyond a branch of a hyperbola.
 
     >>> round(float(np.degrees(centre_bias(np.radians(20), np.radians(49.6)))), 2)
     26.68

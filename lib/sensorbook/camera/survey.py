@@ -190,19 +190,20 @@ def earth_errors(found: Survey) -> dict[str, np.ndarray]:
     Returns
     -------
     off_axis : (n,), of the true direction to the Earth's centre
-    ours, chain : (n,), errors of our direction and of work C's chain; NaN where that found none
+    cone, together, chain : (n,), errors of the cone's axis, of the direction that limb and Sun give
+        together, and of work C's chain; NaN where there is none
     """
     rows = []
     for frame, chain in zip(found.frames, found.chain, strict=True):
         true = true_earth(frame)
         if true is None or frame.earth_direction is None:
             continue
-        theirs = np.nan if chain is None else angle(chain, true)
-        rows.append(
-            (angle(true, np.array([0, 0, 1.0])), angle(frame.earth_direction, true), theirs)
-        )
-    table = np.array(rows).reshape(-1, 3)
-    return dict(zip(("off_axis", "ours", "chain"), table.T, strict=True))
+        together = None if frame.matrix is None else frame.earth_direction
+        found_by = (frame.limb.direction, together, chain)
+        off = angle(true, np.array([0, 0, 1.0]))
+        rows.append((off, *(np.nan if one is None else angle(one, true) for one in found_by)))
+    table = np.array(rows).reshape(-1, 4)
+    return dict(zip(("off_axis", "cone", "together", "chain"), table.T, strict=True))
 
 
 def attitude_std(frame: Frame) -> float:

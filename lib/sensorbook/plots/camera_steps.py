@@ -40,7 +40,7 @@ def plot_pictures(pictures: Mapping[str, np.ndarray], camera: Camera) -> np.ndar
     row = new_row(len(pictures), height=height)
     for axes, (title, picture) in zip(row, pictures.items(), strict=True):
         grey = picture if picture.dtype == np.uint8 else picture.astype(np.uint8) * 255
-        _draw(axes, grey, camera)
+        draw_picture(axes, grey, camera)
         axes.set_title(title, fontsize=9)
         axes.set_xlabel("x [px]")
         axes.tick_params(labelsize=7)
@@ -83,7 +83,7 @@ def plot_chain(found: Baseline, camera: Camera) -> np.ndarray:
 def plot_edges(image: np.ndarray, limb: Limb, camera: Camera, axes: Axes | None = None) -> Axes:
     """Edge points with dark space outside: those that the fit kept, and those it rejected."""
     axes = new_axes(axes, height=0.9 + 0.93 * WIDTH * camera.height / camera.width)
-    _draw(axes, image, camera)
+    draw_picture(axes, image, camera)
     for points, colour, mark, name in (
         (limb.pixels[limb.used], EDGE, "o", "kept"),
         (limb.pixels[~limb.used], REJECTED, "x", "rejected"),
@@ -107,9 +107,11 @@ def plot_profile(
     axes.plot(along[whole], values[whole], "o", color=COLOURS["x"], ms=4)
     sigma = limb.sigma[edge]
     axes.axvspan(
-        -2 * sigma, 2 * sigma, color=SECOND, alpha=0.4, linewidth=0, label="± 2 standard errors"
+        -2 * sigma, 2 * sigma, color=SECOND, alpha=0.6, linewidth=0, label="± 2 standard errors"
     )
-    axes.axvline(0, color=EDGE, linewidth=1.6, label="the edge's place")
+    axes.axvline(0, color=EDGE, linewidth=0.8, label="the edge's place")
+    if sigma < 0.3 * limb.scale:  # near enough that the band is seen
+        axes.set_xlim(-4 * limb.scale, 4 * limb.scale)
     axes.set_xlabel("from the edge's place inward [px]")
     axes.set_ylabel("grey level")
     axes.legend(fontsize=8, loc="upper left")
@@ -165,13 +167,14 @@ def plot_centre_bias(off: float, radius: float, axes: Axes | None = None) -> Axe
     C's three orbits.
     """
     axes = new_axes(axes, height=3.4)
+    # Wide and pale, so that one of C's orbits shows on it.
+    name = f"this image, ρ = {np.degrees(radius):.1f}°"
+    axes.plot(*_biases(radius), color=COLOURS["x"], linewidth=6, alpha=0.4, label=name)
     for colour, (orbit, height) in zip((GREY, COLOURS["z"], SECOND), HEIGHTS.items(), strict=True):
         rho = np.arcsin(EARTH_RADIUS / (EARTH_RADIUS + height))
         axes.plot(
             *_biases(rho), color=colour, linestyle="--", linewidth=1.4, label=f"C's {orbit.upper()}"
         )
-    name = f"this image, ρ = {np.degrees(radius):.1f}°"
-    axes.plot(*_biases(radius), color=COLOURS["x"], linewidth=2.2, label=name)
     label = f"its θ = {np.degrees(off):.1f}°"
     axes.axvline(np.degrees(off), color=COLOURS["y"], linewidth=1.4, label=label)
     axes.set_yscale("log")
@@ -220,7 +223,8 @@ def plot_off_axis(errors: Mapping[str, np.ndarray], axes: Axes | None = None) ->
     off = np.degrees(errors["off_axis"])
     for key, colour, mark, name in (
         ("chain", COLOURS["y"], "s", "C's chain: centre of the ellipse"),
-        ("ours", COLOURS["x"], "o", "cone of the limb"),
+        ("cone", COLOURS["z"], "^", "the cone's axis"),
+        ("together", COLOURS["x"], "o", "limb and Sun together"),
     ):
         shown = np.isfinite(errors[key])
         if shown.any():
@@ -241,7 +245,7 @@ def _small(axes: Axes, frame: Frame) -> None:
         image = read_picture(frame.path, camera)[0]
     except Refusal:  # it was readable a moment ago
         image = np.zeros((camera.height, camera.width), dtype=np.uint8)
-    _draw(axes, image, camera, _SMALL)
+    draw_picture(axes, image, camera, _SMALL)
     limb, sun = frame.limb, frame.sun
     if limb is not None and limb.direction is not None:
         axes.plot(*limb.pixels[::2].T, "o", color=EDGE, ms=1.8, mew=0)
@@ -261,7 +265,7 @@ def _small(axes: Axes, frame: Frame) -> None:
     )  # fmt: skip
 
 
-def _draw(axes: Axes, image: np.ndarray, camera: Camera, most: int = MOST_COLUMNS) -> None:
+def draw_picture(axes: Axes, image: np.ndarray, camera: Camera, most: int = MOST_COLUMNS) -> None:
     """The image as it is on the page, no finer."""
     if camera.width > most:
         size = most, max(1, round(camera.height * most / camera.width))
