@@ -1,5 +1,7 @@
 """Attitude from images: a small version of the study in benchmarks/camera_study.py, and what has none."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -112,6 +114,32 @@ def test_a_small_bright_disc_is_no_earth():
     found = attitude_from_image(image.astype(np.uint8), CAMERA, [8371e3, 0, 0], [0, 1, 0])
     assert found.sun.status == "ok"
     assert found.status == "no solution: no limb among the edges"
+
+
+def contradicted(change):
+    """The status of a good image of a low orbit with another place or Sun than it was taken with."""
+    rng = np.random.default_rng(812)
+    place, sun, attitude = draw(rng, HEIGHTS["leo"], CAMERA)
+    image = render(CAMERA, Scene(place, sun), attitude, rng)
+    assert attitude_from_image(image, CAMERA, place, sun).status == "ok"
+    found = attitude_from_image(image, CAMERA, *change(place, sun))
+    assert found.matrix is None
+    return found.status
+
+
+def test_a_place_or_time_that_the_image_contradicts():
+    said = "Earth and Sun are .* apart in the image, .* by time and position: check both"
+    assert re.search(said, contradicted(lambda place, sun: (-place, sun)))
+    assert re.search(said, contradicted(lambda place, sun: (place[[1, 0, 2]], sun)))
+    assert re.search(said, contradicted(lambda place, sun: (place, -sun)))
+
+
+def test_a_distance_that_the_image_contradicts():
+    status = contradicted(lambda place, sun: (1.5 * place, sun))
+    # ρ = asin(6371/8371) = 49.6°, and asin(6381/12557) = 30.5° for the usual height of haze.
+    assert re.search(
+        "limb of 49.* radius where the position gives 30.5°: check the position", status
+    )
 
 
 def test_an_array_that_is_no_image():

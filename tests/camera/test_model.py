@@ -105,6 +105,17 @@ def test_grid_holds_all_pixels():
     np.testing.assert_allclose(camera.grid[3, 6], camera.rays([6, 3]), atol=1e-15)
 
 
+@pytest.mark.parametrize("distortion", [[-0.3, 0.0], [-0.1], [-1.0], [-0.28, 0.1, 0, 0, -0.02]])
+def test_a_distortion_that_folds_the_image_is_refused(distortion):
+    """r + k₁ r³ of C's camera, whose corner is 63° off the axis, has a top inside the image."""
+    table = {"width": 1280, "height": 720, "focal_px": 369.5, "distortion": distortion}
+    with pytest.raises(
+        ValueError, match=r"has no direction for pixel \(0, 0\): it turns back before"
+    ):
+        Camera.of(table)
+    Camera.of(table | {"focal_px": 7665.8})  # 4.8° off: it holds there
+
+
 def test_of_a_table():
     table = {
         "width": 640,
@@ -119,7 +130,9 @@ def test_of_a_table():
     assert (camera.width, camera.height, camera.focal_px) == (640, 480, 500.5)
     assert camera.centre.tolist() == [320.0, 241.0]
     assert camera.distortion == (-0.1, 0.01)
-    np.testing.assert_array_equal(camera.to_body, EARTH_CAMERA)
+    # Printed to four digits, and made a rotation.
+    np.testing.assert_allclose(camera.to_body, EARTH_CAMERA, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(camera.to_body @ camera.to_body.T, np.eye(3), rtol=0, atol=1e-15)
     assert "sees" in table  # left as it was
 
 

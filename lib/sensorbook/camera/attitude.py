@@ -9,12 +9,16 @@ from numpy.typing import ArrayLike
 
 from sensorbook.attitude import two_vector
 from sensorbook.attitude.rotations import matrix_from_axis_angle
+from sensorbook.camera.edges import Edges
 from sensorbook.camera.guided import guided_edges
 from sensorbook.camera.limb import Limb, across_of, around, find_limb, fit_limb, weighted
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS
 from sensorbook.camera.sun import Sun, find_sun
 
+_APART = np.radians(1.0)  # an ellipsoid's limb, and clouds on it, are a tenth of that off
+_WHOLE = 0.7  # of the edge points on the limb: fewer may be of one of another size
+_MORE = 1.3  # times as many points on another limb
 FEW = 40  # edge points: so few may lie on a limb by chance, and are looked at again
 HAZE, HAZE_STD = 10e3, 15e3  # m: where the air's brightness ends, seen from space
 
@@ -80,7 +84,11 @@ def attitude_from_image(
             limb = fit_limb(edges, camera, its_sun, radius)
         elif limb.status == "ok":
             limb = replace(limb, direction=None, status="limb too faint")
+    if limb.status == "ok" and limb.used.mean() < _WHOLE:
+        limb = _or_contradicted(limb, camera, its_sun, radius)
     missing = [what.status for what in (seen, limb) if what.status != "ok"]
+    if not missing:
+        missing = _contradiction(limb, its_sun, np.arccos(np.clip(-position @ sun / size, -1, 1)))
     if missing:
         return ImageAttitude(seen, limb, None, None, "no solution: " + ", ".join(missing))
     down = -position / size
@@ -90,6 +98,31 @@ def attitude_from_image(
         first.matrix, limb, camera, to_sun, seen.std, position, sun, semi_axes
     )
     return ImageAttitude(seen, limb, matrix, covariance, "ok", haze)
+
+
+def _or_contradicted(limb: Limb, camera: Camera, sun, radius: tuple[float, float]) -> Limb:
+    """The limb, unless many more of its edge points lie on one of another size than the position gives."""
+    edges = Edges(limb.pixels, limb.inward, limb.sigma)
+    free = fit_limb(edges, camera, sun)
+    if free.status != "ok" or free.used.sum() < _MORE * limb.used.sum():
+        return limb
+    off = abs(free.angular_radius - radius[0])
+    if off < 0.1 * radius[0] or off < 6 * np.hypot(np.sqrt(free.covariance[2, 2]), radius[1]):
+        return limb
+    found, given = np.degrees([free.angular_radius, radius[0]])
+    why = f"limb of {found:.1f}° radius where the position gives {given:.1f}°: check the position"
+    return replace(limb, direction=None, angular_radius=None, covariance=None, status=why)
+
+
+def _contradiction(limb: Limb, to_sun: np.ndarray, apart: float) -> list[str]:
+    """What is wrong where Earth and Sun are not as far `apart`, rad, as time and position say; else []."""
+    found = float(np.arccos(np.clip(limb.direction @ to_sun, -1, 1)))
+    if abs(found - apart) < max(_APART, 6 * limb.std):
+        return []
+    found, apart = np.degrees([found, apart])
+    return [
+        f"Earth and Sun are {found:.1f}° apart in the image, {apart:.1f}° by time and position: check both"
+    ]
 
 
 def expected_radius(distance: float, radius: float) -> tuple[float, float]:

@@ -24,10 +24,12 @@ from sensorbook.errors import Refusal
 from sensorbook.recordings.images import Images
 from sensorbook.recordings.poses import Pose
 
+SAME_TIME = np.timedelta64(20, "ms")  # two cameras on one body, whose shutters are not one
 NO_PAIR = "no solution: no image of the other camera at its time"
 # Of an Earth whose distance nobody tells: 8.7° from a geostationary orbit, 7° from the highest that many
 # use. The Moon's is 0.26°.
 LEAST_RADIUS = np.radians(5.0)
+MOST_RADIUS = np.radians(85.0)  # from 24 km up
 _NO_POSE = Pose(None, None, None)
 
 
@@ -109,19 +111,15 @@ def read_frames(runs: Sequence[Images]) -> Iterator[Frame]:
     """
     names = image_names(runs)
     frames = [_frame(run, k, names) for run in runs for k in range(len(run))]
-    by_time = {
-        (frame.sees, frame.pose.time): frame
-        for frame in frames
-        if frame.sees != "both" and frame.pose.time is not None
-    }
-    paired = {frame.sees for frame in frames} >= {"earth", "sun"} and bool(by_time)
-    other = {"earth": "sun", "sun": "earth"}
+    timed = [f for f in frames if f.sees != "both" and f.pose.time is not None]
+    partners = _partners(timed)
+    paired = {frame.sees for frame in frames} >= {"earth", "sun"} and bool(timed)
     done: dict[str, Frame] = {}
     for frame in frames:
         if frame.image in done:
             yield done.pop(frame.image)
             continue
-        partner = by_time.get((other.get(frame.sees), frame.pose.time))
+        partner = partners.get(frame.image)
         if partner is None:
             alone = _alone(frame)
             lonely = paired and frame.sees != "both" and alone.status == "ok"
@@ -153,6 +151,17 @@ def _frame(run: Images, k: int, names: dict[str, str]) -> Frame:
     )
 
 
+def _partners(frames: list[Frame]) -> dict[str, Frame]:
+    """By image: that of the other camera nearest in time, and within `SAME_TIME`, if each is the other's."""
+    found = {}
+    for frame in frames:
+        others = [f for f in frames if f.sees != frame.sees]
+        near = min(others, key=lambda f: abs(f.pose.time - frame.pose.time), default=None)
+        if near is not None and abs(near.pose.time - frame.pose.time) <= SAME_TIME:
+            found[frame.image] = near
+    return {k: f for k, f in found.items() if found.get(f.image, f).image == k}
+
+
 def _alone(frame: Frame) -> Frame:
     """What one image tells by itself."""
     try:
@@ -174,15 +183,21 @@ def _alone(frame: Frame) -> Frame:
             radius = expected_radius(np.linalg.norm(position), np.mean(frame.semi_axes))
         to_sun = None if sun is None else sun.direction
         limb = find_limb(picture, frame.camera, to_sun, radius)
-        if radius is None and limb.status == "ok" and limb.angular_radius < LEAST_RADIUS:
-            small = (
-                f"disc of {np.degrees(limb.angular_radius):.2g}° radius, too small for the Earth "
-                f"({np.degrees(LEAST_RADIUS):.0f}° or more where no position is given)"
-            )
-            limb = replace(limb, direction=None, angular_radius=None, covariance=None, status=small)
+        if radius is None and limb.status == "ok" and (odd := _odd_radius(limb.angular_radius)):
+            limb = replace(limb, direction=None, angular_radius=None, covariance=None, status=odd)
     missing = [what.status for what in (sun, limb) if what is not None and what.status != "ok"]
     status = "no solution: " + ", ".join(missing) if missing else "ok"
     return _with_earth(replace(frame, limb=limb, sun=sun, status=status))
+
+
+def _odd_radius(radius: float) -> str:
+    """Why a limb of an angular `radius`, rad, is not taken for the Earth's where no position is given."""
+    found = f"{np.degrees(radius):.1f}° radius"
+    if radius < LEAST_RADIUS:
+        return f"disc of {found}, too small for the Earth (5° or more where no position is given)"
+    if radius > MOST_RADIUS:
+        return f"edge of {found}, too straight for the Earth's from above 25 km"
+    return ""
 
 
 def _pair(earth: Frame, sun: Frame) -> tuple[Frame, Frame]:

@@ -23,6 +23,9 @@ _LEAST_SCALE = 0.5  # of the stated standard errors: few points may agree by cha
 _COPIES = (
     4.0  # neighbours that share their error at least: the smoothing's, and the pixels' own grid
 )
+# What of the ground's pattern the cone itself takes up leaves no residual: measured on made-up clouds, the
+# errors are twice what residuals tell. Without clouds that is too much.
+_UNSEEN = 2.0
 _COMMON = 0.02  # pixels that all edges may be off alike, out or in
 _UNLIKE = 0.05  # correlation of residuals along the limb that is none
 LEAST_POINTS = 12
@@ -50,6 +53,7 @@ class Limb:
     covariance : (3, 3) of (two angles of the direction along the axes of `basis`, angular radius), rad²
     basis : (2, 3), unit vectors across the direction
     pixels : (N, 2), edge points; `used` (N,) those the fit kept; `residuals` (N,), pixels
+    inward : (N, 2), unit vectors in the image from dark to bright
     sigma : (N,), pixels, how well each is known
     rays, across : (N, 3), lines of sight through them, and how these turn over a pixel inward
     status : "ok", or why there is none
@@ -64,6 +68,7 @@ class Limb:
     used: np.ndarray
     residuals: np.ndarray
     status: str
+    inward: np.ndarray | None = None
     sigma: np.ndarray | None = None
     rays: np.ndarray | None = None
     across: np.ndarray | None = None
@@ -180,6 +185,7 @@ def fit_limb(
         used,
         residuals,
         "ok",
+        edges.inward,
         edges.sigma,
         rays,
         across,
@@ -288,7 +294,7 @@ def refined_cone(h, rays, across, sigma, radius=None):
     turn = np.vstack([basis / size, direction / (size * np.sqrt(max(size**2 - 1, 1e-12)))])
     covariance = turn @ variance @ turn.T
     covariance[2, 2] += (_COMMON * np.median(np.linalg.norm(across, axis=-1))) ** 2
-    return h, covariance, basis
+    return h, _UNSEEN**2 * covariance, basis
 
 
 def weighted(off: np.ndarray, order: np.ndarray) -> np.ndarray:

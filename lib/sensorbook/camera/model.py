@@ -49,7 +49,6 @@ class Camera:
         if len(self.distortion) > 8 or not np.isfinite(self.distortion).all():
             raise ValueError(f"distortion is {self.distortion}: give up to 8 numbers")
         turn = np.asarray(self.to_body)
-        # Printed matrices have four digits.
         if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-3):
             raise ValueError(
                 "to_body is no rotation: give 3 × 3, its rows unit vectors at right angles"
@@ -59,14 +58,22 @@ class Camera:
 
     @classmethod
     def of(cls, table: Mapping) -> Camera:
-        """The camera that a `[camera]` table of device.toml declares, less what it says of the scene."""
+        """The camera that a `[camera]` table of device.toml declares, less what it says of the scene.
+
+        Raises `ValueError` also where its distortion has no direction for some of its pixels.
+        """
         own = {key: value for key, value in table.items() if key not in ("sees", "earth_radius")}
         if "to_body" in own:
-            own["to_body"] = np.array(own["to_body"], dtype=float)
+            # The nearest rotation: printed matrices have four digits.
+            left, _, right = np.linalg.svd(np.array(own["to_body"], dtype=float))
+            own["to_body"] = left @ right
         for key in ("principal_point", "distortion"):
             if key in own:
                 own[key] = tuple(map(float, own[key]))
-        return cls(**own)
+        camera = cls(**own)
+        if any(camera.distortion) and (fault := camera._folds()):
+            raise ValueError(fault)
+        return camera
 
     @property
     def centre(self) -> np.ndarray:
@@ -142,6 +149,25 @@ class Camera:
         roots = np.concatenate([slope.trim(1e-15).roots(), below.trim(1e-15).roots()])
         real = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
         return float(real.min()) if len(real) else np.inf
+
+    def _folds(self) -> str:
+        """What is wrong with a distortion that has no direction for some pixels; "" for nothing."""
+        corners = np.array([[x, y] for x in (0, self.width - 1) for y in (0, self.height - 1)])
+        middles = np.array(
+            [[x, self.centre[1]] for x in (0, self.width - 1)]
+            + [[self.centre[0], y] for y in (0, self.height - 1)]
+        )
+        pixels = np.concatenate([corners, middles]).astype(float)
+        with np.errstate(all="ignore"):
+            back = self.project(self.rays(pixels))
+            worst = np.linalg.norm(back - pixels, axis=-1)
+        if (worst < 0.01).all():  # NaN: beyond where the distortion turns back
+            return ""
+        (x, y) = pixels[int(np.argmax(np.nan_to_num(worst, nan=np.inf)))]
+        return (
+            f"distortion {tuple(self.distortion)} has no direction for pixel ({x:.0f}, {y:.0f}): it turns "
+            "back before; give coefficients that hold for the whole image, or the image's used part"
+        )
 
     @property
     def _last(self) -> np.ndarray:
