@@ -16,6 +16,13 @@ GOOD = {"image": "a.png", "time": "2026-03-01T12:00:00Z", "x": "7e6", "y": "0", 
         "qx": "0", "qy": "0.6", "qz": "0", "qw": "0.8"}  # fmt: skip
 
 
+def poses_of(*arguments):
+    """What is read, where no column is left out."""
+    found, findings = read_poses(*arguments)
+    assert findings == []
+    return found
+
+
 def table_of(rows, columns=None):
     """A table of text cells, as readers give them."""
     names = columns or list(dict.fromkeys(column for row in rows for column in row))
@@ -62,7 +69,7 @@ def test_what_is_known_is_read_back(rows, by_path):
     told = names if by_path else [f"{k}.png" for k in range(len(rows))]
     columns = ["image", "time", *PLACE, *TRUTH]
     table = table_of([{"image": t} | row for t, row in zip(told, rows, strict=True)], columns)
-    read = read_poses(table, names)
+    read = poses_of(table, names)
     assert list(read) == names
     for name, row in zip(names, rows, strict=True):
         pose = read[name]
@@ -77,7 +84,7 @@ def test_what_is_known_is_read_back(rows, by_path):
 
 def test_from_a_file(tmp_path):
     (tmp_path / "poses.csv").write_text(",".join(GOOD) + "\n" + ",".join(GOOD.values()) + "\n")
-    pose = read_poses(open_table(tmp_path / "poses.csv", "poses.csv"), ["images/a.png"])[
+    pose = poses_of(open_table(tmp_path / "poses.csv", "poses.csv"), ["images/a.png"])[
         "images/a.png"
     ]
     assert pose.time == np.datetime64("2026-03-01T12:00:00")
@@ -91,14 +98,14 @@ def test_numbers_need_no_text():
     cells |= {name: cells[name].astype(float) for name in (*PLACE, *TRUTH)}
     cells["time"] = np.array(["2026-03-01T12:00:00"], dtype="datetime64[ns]")
     table.column = cells.__getitem__
-    pose = read_poses(table, ["a.png"])["a.png"]
+    pose = poses_of(table, ["a.png"])["a.png"]
     assert pose.time == np.datetime64("2026-03-01T12:00:00")
     np.testing.assert_array_equal(pose.position, [7e6, 0, -1e6])
 
 
 def test_images_without_a_row_are_left_out_and_other_rows_ignored():
     other = GOOD | {"image": "elsewhere.png", "x": "nonsense of another camera"}
-    assert list(read_poses(table_of([GOOD | {"x": "7e6"}]), ["a.png", "b.png"])) == ["a.png"]
+    assert list(poses_of(table_of([GOOD | {"x": "7e6"}]), ["a.png", "b.png"])) == ["a.png"]
     # A cell that is no number is one of the table's, whichever image it is of.
     assert problems_of(GOOD, other) == [
         "poses.csv: row 2, x: 'nonsense of another camera' is no number — mend the cell"
@@ -106,12 +113,12 @@ def test_images_without_a_row_are_left_out_and_other_rows_ignored():
 
 
 def test_a_printed_quaternion_is_made_unit():
-    pose = read_poses(table_of([GOOD | {"qy": "0.6004"}]), ["a.png"])["a.png"]
+    pose = poses_of(table_of([GOOD | {"qy": "0.6004"}]), ["a.png"])["a.png"]
     assert np.linalg.norm(pose.quaternion) == pytest.approx(1, abs=1e-15)
 
 
 def test_columns_that_are_not_there_are_not_known():
-    pose = read_poses(table_of([{"image": "a.png"}]), ["a.png"])["a.png"]
+    pose = poses_of(table_of([{"image": "a.png"}]), ["a.png"])["a.png"]
     assert (pose.time, pose.position, pose.quaternion) == (None, None, None)
 
 
@@ -135,7 +142,11 @@ def test_columns_that_are_not_there_are_not_known():
         ),
         (
             {"qw": "inf"},
-            " (a.png): its quaternion is not complete — fill all of its cells, or leave all empty",
+            " (a.png): its quaternion is infinite — give finite numbers, or leave all of its cells empty",
+        ),
+        (
+            {"x": "-inf"},
+            " (a.png): its position is infinite — give finite numbers, or leave all of its cells empty",
         ),
         (
             {"qw": "0.9"},
@@ -143,7 +154,7 @@ def test_columns_that_are_not_there_are_not_known():
         ),
         (
             {"x": "7000", "z": "1000"},
-            " (a.png): x y z are 7071 m from the Earth's centre, inside the Earth — give metres, ECI",
+            " (a.png): x y z are 7071.07 m from the Earth's centre, inside the Earth — give metres, ECI",
         ),
         (
             {"x": "7e12"},
@@ -156,8 +167,13 @@ def test_columns_that_are_not_there_are_not_known():
         ),
         (
             {"time": "2026-03-01T12:00:00+02:00"},
-            " (a.png): time: '2026-03-01T12:00:00+02:00' is no time — "
-            'give UTC from 1972 to 2199, as "2026-05-01T12:00:00"',
+            " (a.png): time: '2026-03-01T12:00:00+02:00' is local time — "
+            'give UTC, as "2026-05-01T12:00:00"',
+        ),
+        (
+            {"time": "2026-03-01 12:00:00.5-0330"},
+            " (a.png): time: '2026-03-01 12:00:00.5-0330' is local time — "
+            'give UTC, as "2026-05-01T12:00:00"',
         ),
         (
             {"time": "1970-01-01T00:00:00"},
@@ -193,4 +209,87 @@ def test_every_problem_in_one_go_but_no_flood():
     rows = [GOOD | {"image": f"{k}.png", "qw": "0.9", "time": "noon"} for k in range(50)]
     names = [f"{k}.png" for k in range(50)]
     assert len(problems_of(*rows[:2], names=names)) == 4
-    assert len(problems_of(*rows, names=names)) == 20
+    said = problems_of(*rows, names=names)
+    assert len(said) == 21
+    assert said[-1] == "poses.csv: and 80 more problems — mend those above first"
+
+
+def test_columns_cells_and_rows_are_told_in_one_go():
+    row = {column: cell for column, cell in GOOD.items() if column != "qw"} | {"x": "east"}
+    assert problems_of(row, row | {"time": "noon"}) == [
+        "poses.csv: row 1, x: 'east' is no number — mend the cell",
+        "poses.csv: row 2, x: 'east' is no number — mend the cell",
+        "poses.csv: qw: is missing, and qx, qy, qz is there — a quaternion is qx qy qz qw",
+        "poses.csv: row 2 (a.png): is there twice — leave one row for each image",
+        "poses.csv: row 2 (a.png): time: 'noon' is no time — "
+        'give UTC from 1972 to 2199, as "2026-05-01T12:00:00"',
+    ]
+
+
+def test_a_place_inside_the_earth_that_the_camera_sees():
+    row = GOOD | {"x": "6375000", "z": "0"}
+    assert list(poses_of(table_of([row]), ["a.png"])) == ["a.png"]
+    with pytest.raises(
+        InputError, match="x y z are 6\\.375e\\+06 m from the Earth's centre, inside"
+    ):
+        read_poses(table_of([row]), ["a.png"], np.array([6378137.0, 6378137.0, 6356752.0]))
+    moon = row | {"x": "1800000"}
+    assert list(poses_of(table_of([moon]), ["a.png"], np.full(3, 1737400.0))) == ["a.png"]
+
+
+# ---- names of columns ----
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"time": "time (UTC)", "x": "x [m]", "y": "y (m)", "z": "z[ metre ]"},
+        {"image": "Image", "time": "TIME[utc]", "x": " X", "qx": "Q X", "qw": "qw [-]"},
+    ],
+)  # fmt: skip
+def test_case_blanks_and_the_right_unit_make_no_difference(names):
+    plain = poses_of(table_of([GOOD]), ["a.png"])["a.png"]
+    row = {names.get(column, column): cell for column, cell in GOOD.items()}
+    pose = poses_of(table_of([row]), ["a.png"])["a.png"]
+    assert pose.time == plain.time
+    np.testing.assert_array_equal(pose.position, plain.position)
+    np.testing.assert_array_equal(pose.quaternion, plain.quaternion)
+
+
+@pytest.mark.parametrize(
+    ("column", "name", "message"),
+    [
+        ("x", "x [km]", "'x [km]': is declared in 'km' — give metres, ECI, and name it x [m]"),
+        ("time", "time (TAI)", "'time (TAI)': is declared in 'TAI' — give UTC, and name it time (UTC)"),
+        ("qx", "qx [deg]", "'qx [deg]': is declared in 'deg' — it has no unit: name it qx"),
+    ],
+)  # fmt: skip
+def test_another_unit_is_told(column, name, message):
+    row = {name if c == column else c: cell for c, cell in GOOD.items()}
+    assert problems_of(row) == [f"poses.csv: column {message}"]
+
+
+def test_two_columns_of_one_name():
+    assert problems_of(GOOD | {"X [m]": "1"}) == [
+        "poses.csv: column 'X [m]': x is 'x' already — rename one of the two"
+    ]
+
+
+def test_without_image_there_is_nothing_to_read():
+    row = {column: cell for column, cell in GOOD.items() if column != "image"}
+    assert problems_of(row | {"file": "a.png"}) == [
+        "poses.csv: image: there is no such column — columns are image, time, x, y, z, qx, qy, qz, qw"
+    ]
+
+
+def test_columns_that_are_not_read_are_told():
+    row = {"image": "a.png", "posx": "1", "q1": "0"}
+    poses, (finding,) = read_poses(table_of([row]), ["a.png"])
+    assert str(finding) == (
+        "poses.csv: columns: 'posx', 'q1' are not read"
+        " — those read are image, time, x, y, z, qx, qy, qz, qw"
+    )
+    assert poses["a.png"].position is None
+    row = {"image": "a.png"} | {f"c{k}": "" for k in range(9)}
+    _, (finding,) = read_poses(table_of([row]), ["a.png"])
+    assert "'c4', 'c5' and 3 more are not read" in str(finding)

@@ -4,10 +4,13 @@ import copy
 import csv
 import io
 import json
+import re
+import struct
+import zlib
 
 import numpy as np
 import pytest
-from cameras import recording, shot, write
+from cameras import png, recording, shot, write
 from jsonschema import Draft202012Validator, ValidationError
 
 from sensorbook.cli import main
@@ -27,7 +30,7 @@ SOLVED = {
     "earth_direction_std_deg": 0.02, "earth_angular_radius_deg": 49.6, "earth_angular_radius_std_deg": 0.05,
     "limb_residual_px": 0.3, "sun_direction": [0.0, 0.6, 0.8], "sun_direction_std_deg": 0.005,
     "quaternion": [0.0, 0.6, 0.0, 0.8], "attitude_std_deg": [0.03, 0.04, 0.0], "error_deg": 0.04,
-    "partner": None, "note": "its 12 bits are read as 8",
+    "partner": None, "note": "12 bits are read as 8",
 }  # fmt: skip
 # A pair's two images, one attitude, and three that gave nothing.
 PAIR = [
@@ -125,8 +128,8 @@ def test_reasons_are_counted_without_the_partner_s_name():
     assert camera_table({"images": [SOLVED]})["solved"] == "1 of 1 image"
     assert table["reasons"] == [("Sun not in view", 2), ("<script>alert(1)</script>", 1)]
     assert [(row["name"], row["value"], row["unit"]) for row in table["rows"]] == [
-        ("Earth's direction, standard error", "0.02", "°"),
-        ("Attitude, standard error", "0.075", "°"),
+        ("Earth's direction, standard error per axis", "0.02", "°"),
+        ("Attitude, standard error of all axes", "0.075", "°"),
         ("Attitude, error", "0.06", "°"),
     ]
     many = [EMPTY | {"image": f"{k}", "status": f"no solution: reason {k}"} for k in range(30)]
@@ -252,10 +255,10 @@ def test_check_names_images_that_cannot_be_used(tmp_path, capsys):
     assert checked(folder, capsys) == (
         0,
         [
-            "warning: b.png: file cannot be read as an image (not one that is known); so it is of 1 more, "
-            f"e.png first — {mend}",
-            "warning: c.png: image is 640 × 100 pixels, its camera 640 × 360; so it is of 1 more, "
-            f"d.png first — {mend}",
+            "warning: b.png: file cannot be read as an image (not one that is known); the same of "
+            f"e.png — {mend}",
+            "warning: c.png: image is 640 × 100 pixels, its camera 640 × 360; the same of "
+            f"d.png — {mend}",
             f"{folder}: 2 warnings",
         ],
     )
@@ -280,8 +283,8 @@ def test_check_of_a_place_inside_the_declared_earth(tmp_path, capsys, radius):
     assert (code, lines) == (
         1,
         [
-            f"poses.csv: a.png: x y z are {radius - 1000:.6g} m from the Earth's centre, inside the Earth"
-            " — give metres, ECI"
+            f"poses.csv: row 1 (a.png): x y z are {radius - 1000:.6g} m from the Earth's centre, "
+            "inside the Earth — give metres, ECI"
         ],
     )
     row["x"] = radius + 1000
@@ -289,10 +292,143 @@ def test_check_of_a_place_inside_the_declared_earth(tmp_path, capsys, radius):
     assert checked(folder, capsys)[0] == 0
 
 
+def test_check_tells_all_that_is_wrong_with_images_in_one_go(tmp_path, capsys):
+    row = shot(0).row("a.png") | {"time": "noon"}
+    folder = write(tmp_path / "cam", [recording("images/*.png")], {"images/a.png": NIGHT}, [row])
+    (tmp_path / "out.png").write_bytes(png(NIGHT))
+    (folder / "images" / "dangling.png").symlink_to("none.png")
+    (folder / "images" / "out.png").symlink_to(tmp_path / "out.png")
+    (folder / "images" / "sub.png").mkdir()
+    code, lines = checked(folder, capsys)
+    where = "device.toml: recording 1 (camera, images): file: 'images"
+    assert code == 1
+    assert [line.split(" — ")[0] for line in lines] == [
+        f"{where}/dangling.png' does not exist",
+        f"{where}/out.png' is a link that leads out of the device folder",
+        f"{where}/sub.png' is not a file",
+        "poses.csv: row 1 (a.png): time: 'noon' is no time",
+    ]
+
+
+def test_a_linked_folder_is_told_as_one(tmp_path, capsys):
+    folder = write(tmp_path / "cam", [recording("images/*.png", poses=False)], {"b.png": NIGHT})
+    (tmp_path / "elsewhere").mkdir()
+    for name in ("a.png", "b.png"):
+        (tmp_path / "elsewhere" / name).write_bytes(png(NIGHT))
+    (folder / "images").symlink_to(tmp_path / "elsewhere")
+    assert checked(folder, capsys) == (
+        1,
+        [
+            "device.toml: recording 1 (camera, images): file: 'images' is a link that leads out of the"
+            " device folder — copy the file into the folder"
+        ],
+    )
+
+
+def header(width, height):
+    """A PNG whose header declares a size that its few bytes do not hold."""
+
+    def chunk(kind, data):
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
+
+    about = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    parts = chunk(b"IHDR", about) + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + parts
+
+
+def test_an_image_beyond_any_size_costs_only_itself(tmp_path, capsys):
+    images = {"a.png": NIGHT, "b.png": header(60000, 60000), "c.png": header(11000, 10000)}
+    folder = write(tmp_path / "cam", [recording("*.png", poses=False)], images)
+    mend = "mend the image or the camera table; a report goes on without it"
+    assert checked(folder, capsys) == (
+        0,
+        [
+            f"warning: b.png: image declares 3600 million pixels: none that large is read — {mend}",
+            f"warning: c.png: image is 11000 × 10000 pixels, its camera 640 × 360 — {mend}",
+            f"{folder}: 2 warnings",
+        ],
+    )
+
+
+def test_hidden_files_are_left_out(tmp_path, capsys):
+    images = {"a.png": NIGHT, "._a.png": b"a system's own"}
+    folder = write(tmp_path / "cam", [recording("*.png", poses=False)], images)
+    assert checked(folder, capsys) == (0, [f"{folder}: nothing to mend"])
+    (folder / "a.png").unlink()
+    assert "no image matches '*.png'" in checked(folder, capsys)[1][0]
+
+
+def test_images_that_two_recordings_list(tmp_path, capsys):
+    twice = [recording("*.png", poses=False), recording("./*.png", poses=False)]
+    folder = write(tmp_path / "cam", twice, {"a.png": NIGHT})
+    assert checked(folder, capsys) == (
+        1,
+        [
+            "device.toml: recording 2 (camera, images): file: './*.png' is that of recording 1 "
+            "(camera, images) already — give each camera a folder of its own, or leave one recording out"
+        ],
+    )
+
+
+def test_a_row_of_several_images_is_told(tmp_path, capsys):
+    images = {f"{place}/{name}.png": NIGHT for place in ("one", "two") for name in "ab"}
+    both = [recording("one/*.png"), recording("two/*.png")]
+    rows = [shot(0).row("a.png"), shot(0).row("b.png")]
+    folder = write(tmp_path / "cam", both, images, rows)
+    told = [
+        "warning: poses.csv: a.png: is the row of 2 images alike, one/a.png and two/a.png, and so is 1 more "
+        "— name images by their path in the device folder where they were not taken together",
+        f"{folder}: 1 warning",
+    ]
+    assert checked(folder, capsys) == (0, told)
+    rows = [shot(0).row(name) for name in images]
+    folder = write(tmp_path / "named", both, images, rows)
+    assert checked(folder, capsys) == (0, [f"{folder}: nothing to mend"])
+
+
+def test_the_contract_s_example(tmp_path, capsys):
+    """An inline table over several lines, with comments: TOML 1.1."""
+    example = """[[recording]]
+sensor = "camera"
+kind = "images"
+file = "images/*.png"                # pattern, sorted by name
+camera = { width = 1280, height = 720, focal_px = 369.5, principal_point = [639.5, 359.5], distortion = [0.0, 0.0],
+           sees = "both",            # earth | sun | both
+           to_body = [[1,0,0],[0,1,0],[0,0,1]] }
+poses = "poses.csv"                  # optional: image, time (UTC), satellite x y z in ECI metres
+"""  # noqa: E501
+    row = {("time (UTC)" if key == "time" else key): v for key, v in shot(0).row("a.png").items()}
+    night = np.zeros((720, 1280), np.uint8)
+    folder = write(tmp_path / "cam", ["\n" + example], {"images/a.png": night}, [row])
+    assert checked(folder, capsys) == (0, [f"{folder}: nothing to mend"])
+
+
+def test_the_contract_s_example_as_it_stands(real_data, tmp_path, capsys):
+    text = (real_data.parent / "contract.md").read_text()
+    (example,) = [e for e in re.findall("```toml\n(.*?)```", text, re.S) if '"camera"\n' in e]
+    assert "#" in example.split("camera = {")[1].split("\n")[1], "a comment within the inline table"
+    night = np.zeros((720, 1280), np.uint8)
+    folder = write(
+        tmp_path / "cam", ["\n" + example], {"images/a.png": night}, [shot(0).row("a.png")]
+    )
+    assert checked(folder, capsys) == (0, [f"{folder}: nothing to mend"])
+
+
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
         ("width = 640\n", "", "camera.width: is missing — a camera needs width, height and focal_px"),
+        ("width = 640\nheight = 360", "width = 20000\nheight = 10000",
+         "camera: has 20000 × 10000 pixels, 200 million — at most 100 million are read"),
+        ("focal_px =", "principal_point = [9000, 179.5]\nfocal_px =", "camera.principal_point: [9000, 179.5] "
+         "is far outside the image of 640 × 360 pixels — write [x, y] in pixels, such as [319.5, 179.5]"),
+        ("focal_px =", "principal_point = [100, 600]\nfocal_px =", "camera.principal_point: [100, 600] is "
+         "outside the image of 640 × 360 pixels — did you mean [600, 100]? x comes first"),
+        ("focal_px =", "principal_point = [179.5, 319.5]\nfocal_px =", "camera.principal_point: "
+         "[179.5, 319.5] would be the image's middle the other way round — did you mean [319.5, 179.5]? "
+         "x comes first"),
         ("focal_px =", "focal =", "camera.focal: is not a key of this table — "),
         ('sees = "both"', 'sees = "moon"', "camera.sees: 'moon'"),
         ("focal_px = 184.75", "focal_px = -1", "camera.focal_px: -1"),

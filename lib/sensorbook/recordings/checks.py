@@ -205,3 +205,24 @@ def pixels(value: object) -> Fault | None:
     if type(value) is int and 1 <= value <= 100_000:
         return None
     return f"{shown(value)} is not a number of pixels", "write a whole number such as 1280"
+
+
+def principal_point(point: list[float], width: int, height: int) -> Fault | None:
+    """A point [x, y] in pixels that an image's optical axis can meet."""
+    middle = (width - 1) / 2, (height - 1) / 2
+
+    def off(x: float, y: float) -> float:
+        """How far from the middle, in sizes of the image: 0.5 is its edge."""
+        return max(abs(x - middle[0]) / width, abs(y - middle[1]) / height)
+
+    there, swapped = off(*point), off(*reversed(point))
+    x, y = point
+    mend = f"did you mean [{y:g}, {x:g}]? x comes first"
+    if there > 0.2 and swapped < 0.02:
+        return f"[{x:g}, {y:g}] would be the image's middle the other way round", mend
+    if there > 0.5 and swapped <= 0.5:
+        return f"[{x:g}, {y:g}] is outside the image of {width} × {height} pixels", mend
+    if there > 1.5:  # an image cut from a larger one may have it outside, but not as far
+        mend = f"write [x, y] in pixels, such as [{middle[0]:g}, {middle[1]:g}]"
+        return f"[{x:g}, {y:g}] is far outside the image of {width} × {height} pixels", mend
+    return None

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import math
-import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from sensorbook.errors import InputError, Problem, Refusal
 from sensorbook.recordings.paths import resolve
-from sensorbook.recordings.poses import Pose, read_poses
+from sensorbook.recordings.poses import Pose, limited, read_poses
 from sensorbook.recordings.recording import Finding, html_table, plain
 from sensorbook.recordings.schema import FILE, Declared
 from sensorbook.recordings.tables import open_table
 
-MAX_PIXELS = 100_000_000  # twice the largest sensor that flies; a header can declare anything
+_NAMED = 3  # images named of those with one fault
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +68,7 @@ class Images:
                 names[0],
                 "",
                 "image",
-                reason
-                + (f"; so it is of {len(names) - 1} more, {names[1]} first" if names[1:] else ""),
+                reason + _and_of(names[1:]),
                 "mend the image or the camera table; a report goes on without it",
             )
             for reason, names in bad.items()
@@ -97,7 +95,9 @@ def read_images(declared: Declared, folder: Path) -> Images:
     """Lists the images and reads the poses; the images themselves are read by who needs them."""
     pattern, where = declared.file, f"{declared.label}: file"
     try:
-        names = sorted(p.relative_to(folder).as_posix() for p in folder.glob(pattern))
+        found = (p.relative_to(folder) for p in folder.glob(pattern))
+        # Hidden files are a system's own, such as macOS's ._0001.png.
+        names = sorted(p.as_posix() for p in found if not any(s[0] == "." for s in p.parts))
     except (ValueError, NotImplementedError, OSError) as error:
         message = f"{pattern!r} is no pattern: {error}"
         raise InputError(Problem(FILE, where, message, "write images/*.png")) from None
@@ -107,41 +107,44 @@ def read_images(declared: Declared, folder: Path) -> Images:
                 FILE, where, f"no image matches {pattern!r}", "write a pattern such as images/*.png"
             )
         )
-    paths = tuple(resolve(folder, name, where) for name in names)
+    problems: list[Problem] = []
+    paths = []
+    for name in names:
+        try:
+            paths.append(resolve(folder, name, where))
+        except InputError as error:
+            problems += error.problems
+    problems = limited(list(dict.fromkeys(problems)))
+    poses, findings = {}, []
+    if poses_file := declared.table.get("poses"):
+        try:
+            table = open_table(resolve(folder, poses_file, f"{declared.label}: poses"), poses_file)
+            poses, findings = read_poses(table, names, _earth(declared.table["camera"]))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(*problems)
+    if poses_file and (lacking := [name for name in names if name not in poses]):
+        findings.append(
+            Finding(
+                poses_file,
+                "image",
+                "pose",
+                f"{len(lacking)} of {len(names)} images have no row here, {lacking[0]} first",
+                "name them by their path in the device folder, or its last part",
+            )
+        )
     digest = hashlib.sha256()
-    problems = []
-    for path, name in zip(paths, names, strict=True):
-        if (pixels := _declared_pixels(path)) > MAX_PIXELS:
-            message = f"declares {pixels / 1e6:.0f} million pixels"
-            mend = f"at most {MAX_PIXELS / 1e6:.0f} million are read: crop or scale it"
-            problems.append(Problem(name, "", message, mend))
+    for path in paths:
         with path.open("rb") as stream:
             while chunk := stream.read(1 << 20):
                 digest.update(chunk)
-    if problems:
-        raise InputError(*problems)
-    poses: Mapping[str, Pose] = {}
-    findings = []
-    if poses_file := declared.table.get("poses"):
-        table = open_table(resolve(folder, poses_file, f"{declared.label}: poses"), poses_file)
-        poses = read_poses(table, names)
-        _check_places(poses, declared.table["camera"], poses_file)
-        if lacking := [name for name in names if name not in poses]:
-            findings.append(
-                Finding(
-                    poses_file,
-                    "image",
-                    "pose",
-                    f"{len(lacking)} of {len(names)} images have no row here, {lacking[0]} first",
-                    "name them by their path in the device folder, or its last part",
-                )
-            )
     return Images(
         sensor="camera",
         kind="images",
         file=pattern,
         names=tuple(names),
-        paths=paths,
+        paths=tuple(paths),
         camera=declared.table["camera"],
         poses=poses,
         findings=tuple(findings),
@@ -150,31 +153,40 @@ def read_images(declared: Declared, folder: Path) -> Images:
     )
 
 
-def _check_places(poses: Mapping[str, Pose], camera: Mapping, file: str) -> None:
-    """Raises `InputError` where a satellite is inside the Earth that its camera is declared to see."""
+def shared_rows(cameras: Iterable[Images]) -> list[Finding]:
+    """Rows of poses that give the last part of a path, which is that of several images of a device."""
+    by_row: dict[tuple[str, str], dict[str, None]] = {}
+    for images in cameras:
+        for name, pose in images.poses.items():
+            if pose.row != name and pose.row == PurePosixPath(name).name:
+                by_row.setdefault((images.declaration["poses"], pose.row), {})[name] = None
+    shared = [(*key, list(names)) for key, names in by_row.items() if len(names) > 1]
+    if not shared:
+        return []
+    file, row, names = shared[0]
+    more = len(shared) - 1
+    so = f", and so {'is' if more == 1 else 'are'} {more} more" if more else ""
+    return [
+        Finding(
+            file,
+            row,
+            "pose",
+            f"is the row of {len(names)} images alike, {names[0]} and {names[1]}{so}",
+            "name images by their path in the device folder where they were not taken together",
+        )
+    ]
+
+
+def _earth(camera: Mapping) -> np.ndarray:
+    """Semi-axes of the Earth that a camera is declared to see, m."""
     from sensorbook.camera.scene import WGS84
 
-    axes = np.array([camera["earth_radius"]] * 3 if "earth_radius" in camera else WGS84)
-    problems = [
-        Problem(file, name, f"x y z are {np.linalg.norm(pose.position):.6g} m from the Earth's centre, "
-                "inside the Earth", "give metres, ECI")
-        for name, pose in poses.items()
-        if pose.position is not None and np.linalg.norm(pose.position / axes) <= 1
-    ]  # fmt: skip
-    if problems:
-        raise InputError(*problems[:20])
+    return np.array([camera["earth_radius"]] * 3 if "earth_radius" in camera else WGS84)
 
 
-def _declared_pixels(path: Path) -> int:
-    """Pixels that an image's header declares, without decoding it; 0 where it is no image."""
-    from PIL import Image
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with Image.open(path) as image:
-                return image.width * image.height
-    except Image.DecompressionBombError:  # beyond twice Pillow's own limit
-        return 2 * (Image.MAX_IMAGE_PIXELS or MAX_PIXELS)
-    except (OSError, ValueError, SyntaxError):  # whoever reads it will say what is wrong
-        return 0
+def _and_of(names: list[str]) -> str:
+    """That others share a fault, the first of them by name."""
+    if not names:
+        return ""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"; the same of {', '.join(names[:_NAMED])}{more}"

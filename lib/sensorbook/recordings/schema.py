@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import PurePosixPath
 
 import numpy as np
 
@@ -71,7 +72,8 @@ def check_declaration(table: dict) -> tuple[list[Problem], list[Declared]]:
     if not recordings:
         mend = "add a [[recording]] table with sensor, kind and file"
         problems.append(Problem(FILE, "recording", "there is none", mend))
-    return problems, [_check_recording(k, r) for k, r in enumerate(recordings, start=1)]
+    declared = [_check_recording(k, r) for k, r in enumerate(recordings, start=1)]
+    return problems, _each_once(declared)
 
 
 # ---- tables of keys ----
@@ -128,6 +130,7 @@ _CAMERA: Checks = {
     # m, of a spherical Earth, as simulators have it; WGS 84 where it is left out.
     "earth_radius": checks.number(1e6, 1e8, "6371000.0"),
 }
+MAX_PIXELS = 100_000_000  # of an image: twice the largest sensor that flies
 _CAMERA_NEEDS = ("width", "height", "focal_px")
 _COLUMNS = ("time", "x", "y", "z", "w", "temperature", "segment")
 
@@ -227,6 +230,22 @@ def _check_recording(number: int, table: dict) -> Declared:
     return Declared(number, sensor, kind, file, table, tuple(problems))
 
 
+def _each_once(declared: list[Declared]) -> list[Declared]:
+    """The recordings, with a problem where one lists the images of another: each would count twice."""
+    first: dict[str, Declared] = {}
+    checked = []
+    for d in declared:
+        if d.sensor == "camera" and d.file:
+            other = first.setdefault(PurePosixPath(d.file).as_posix(), d)
+            if other is not d:
+                message = f"{shown(d.file)} is that of {other.label} already"
+                mend = "give each camera a folder of its own, or leave one recording out"
+                problem = Problem(FILE, f"{d.label}: file", message, mend)
+                d = replace(d, problems=(*d.problems, problem))
+        checked.append(d)
+    return checked
+
+
 def _has_time(table: dict) -> bool:
     return isinstance(table.get("columns"), dict) and "time" in table["columns"]
 
@@ -298,3 +317,12 @@ def _check_camera(table: dict, wrong) -> None:
     for key in _CAMERA_NEEDS:
         if key not in camera:
             wrong(f"camera.{key}", ("is missing", "a camera needs width, height and focal_px"))
+    width, height = camera.get("width"), camera.get("height")
+    if checks.pixels(width) or checks.pixels(height):
+        return
+    if width * height > MAX_PIXELS:
+        wrong("camera", (f"has {width} × {height} pixels, {width * height / 1e6:.0f} million",
+                         f"at most {MAX_PIXELS / 1e6:.0f} million are read: scale the images"))  # fmt: skip
+    if "principal_point" in camera and not _CAMERA["principal_point"](camera["principal_point"]):
+        fault = checks.principal_point(camera["principal_point"], width, height)
+        wrong("camera.principal_point", fault)
