@@ -25,13 +25,13 @@ def degrees(vector):
 
 def test_numbers(read):
     found = read[0]["results"]["camera_scene"]
-    assert found["status"] == {"limb_cone": "ok", "chain": "ok"}
-    assert degrees(found["error"]["limb_cone"]) < 0.05
+    assert found["status"] == {"limb_and_sun": "ok", "chain": "ok"}
+    assert degrees(found["error"]["limb_and_sun"]) < 0.05
     assert degrees(found["error"]["chain"]) > 5
     for name, example in found["examples"].items():
         # The goals of the study: means over random attitudes; C's chain is a hundred times worse.
-        assert degrees(example["limb_cone"]) < 0.05, name
-        assert degrees(example["chain"]) > 100 * degrees(example["limb_cone"]), name
+        assert degrees(example["limb_and_sun"]) < 0.05, name
+        assert degrees(example["chain"]) > 100 * degrees(example["limb_and_sun"]), name
     assert degrees(found["examples"]["LEO, two cameras"]["chain"]) > 5
     assert degrees(found["examples"]["GEO, one camera"]["chain"]) < 0.5
 
@@ -52,11 +52,11 @@ def test_given_angles_and_an_open_limb(tmp_path):
     record, text = read_chapter(
         "camera_scene", tmp_path, cameras="one", look="full", angles=[153.0, -5.0, -119.0]
     )
-    assert "Yaw, pitch and roll are 153.0°, -5.0° and -119.0°, as given" in text
+    assert "Yaw, pitch and roll are 153.0°, −5.0° and −119.0°, as given" in text
     assert "together they are beyond 90°, and the limb's image is a branch of a hyperbola" in text
     found = record["results"]["camera_scene"]
     assert degrees(found["error"]["chain"]) > 1  # of an ellipse that it makes up
-    assert degrees(found["error"]["limb_cone"]) < 0.05
+    assert degrees(found["error"]["limb_and_sun"]) < 0.05
 
 
 def test_no_solution_is_a_warning(tmp_path):
@@ -64,8 +64,22 @@ def test_no_solution_is_a_warning(tmp_path):
     (warning,) = record["warnings"]
     assert warning["message"].startswith("The Earth hides the Sun: the satellite is in its shadow.")
     assert "zero, for want of any that show both" in text
-    assert record["results"]["camera_scene"]["error"]["limb_cone"] is None
-    assert "By the limb's cone the attitude is" not in text
+    assert record["results"]["camera_scene"]["error"]["limb_and_sun"] is None
+    assert "By limb and Sun together the attitude is" not in text
+
+
+def test_a_wrong_sun_and_a_limb_out_of_view_are_said(tmp_path):
+    # The camera looks away from both; in the three examples some pixel is as white as the Sun.
+    record, text = read_chapter(
+        "camera_scene", tmp_path, orbit="geo", cameras="one", noise=50.0, angles=[0.0, 0.0, 0.0]
+    )
+    assert "Look for: what is in view, as neither way finds the Earth's edge." in text
+    assert "nothing of it is in this picture" in text
+    assert "the large error of C's chain is none of the ellipse's: the brightest spot" in text
+    assert "What C's chain takes for the Sun is" in text
+    assert record["results"]["camera_scene"]["status"]["chain"] == (
+        "No Earth: The image has no edge."
+    )
 
 
 def test_nonsense_is_named(tmp_path):
@@ -81,7 +95,7 @@ def test_nonsense_is_named(tmp_path):
         "cameras: is 'three' — give one of one, two",
         "look: is 'night' — give one of full, lambert, textured",
         "noise: noise is -1 grey levels — give 0 to 50 grey levels",
-        "seed: seed is -1 — give 0 to 4.29497e+09",
+        "seed: seed is -1 — give a whole number, 0 to 4.29497e+09",
     ):
         assert line in reason
 
@@ -169,6 +183,8 @@ def test_what_the_window_cannot_show_is_said(driven):
     assert "more than the cameras&#x27; views span" in driven["wide"]["numbers"]
     # No attitude is found, so none is set.
     assert driven["none"]["angles"] == driven["wide"]["angles"]
+    assert "the angles stay as they were" in driven["none"]["numbers"]
+    assert "the angles stay" not in driven["another"]["numbers"]
     assert "The Earth hides the Sun: the satellite is in its shadow." in driven["shadow"]["numbers"]
 
 
