@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude.rotations import error_vector
 from sensorbook.camera.attitude import attitude_from_image
@@ -113,7 +114,16 @@ def test_a_small_bright_disc_is_no_earth():
     image[np.hypot(columns - 800, rows - 400) < 1.7] = 255
     found = attitude_from_image(image.astype(np.uint8), CAMERA, [8371e3, 0, 0], [0, 1, 0])
     assert found.sun.status == "ok"
-    assert found.status == "no solution: no limb among the edges"
+    assert re.fullmatch(
+        r"no solution: disc of 4\.\d° radius, not the Earth's of 49\.\d° that the position gives",
+        found.status,
+    )
+
+
+def turned(vector, towards, angle):
+    """A vector turned by an angle, rad, away from another."""
+    axis = unit(np.cross(towards, vector))
+    return Rotation.from_rotvec(-angle * axis).apply(vector)
 
 
 def contradicted(change):
@@ -129,17 +139,25 @@ def contradicted(change):
 
 def test_a_place_or_time_that_the_image_contradicts():
     said = "Earth and Sun are .* apart in the image, .* by time and position: check both"
-    assert re.search(said, contradicted(lambda place, sun: (-place, sun)))
-    assert re.search(said, contradicted(lambda place, sun: (place[[1, 0, 2]], sun)))
-    assert re.search(said, contradicted(lambda place, sun: (place, -sun)))
+    assert re.search(said, contradicted(lambda place, sun: (place, turned(sun, place, 0.1))))
+    assert re.search(said, contradicted(lambda place, sun: (turned(place, sun, -0.1), sun)))
+
+
+def test_a_sun_that_cannot_be_seen_from_there():
+    behind = contradicted(lambda place, sun: (place, -unit(place)))
+    assert behind == "no solution: Sun behind the Earth by time and position"
+    down = np.array([0, 0, 1.0])
+    rho = np.arcsin(EARTH_RADIUS / 8371e3)
+    sun = np.array([np.sin(rho + 0.008), 0, np.cos(rho + 0.008)])  # 0.46° above the ground
+    image = render(CAMERA, Scene(-8371e3 * down, sun), np.eye(3), np.random.default_rng(813))
+    low = attitude_from_image(image, CAMERA, -8371e3 * down, sun)
+    assert low.status == "no solution: Sun too near the Earth's edge"
 
 
 def test_a_distance_that_the_image_contradicts():
-    status = contradicted(lambda place, sun: (1.5 * place, sun))
     # ρ = asin(6371/8371) = 49.6°, and asin(6381/12557) = 30.5° for the usual height of haze.
-    assert re.search(
-        "limb of 49.* radius where the position gives 30.5°: check the position", status
-    )
+    said = r"disc of 49\.\d° radius, not the Earth's of 30.5° that the position gives"
+    assert re.search(said, contradicted(lambda place, sun: (1.5 * place, sun)))
 
 
 def test_an_array_that_is_no_image():

@@ -9,14 +9,16 @@ from numpy.typing import ArrayLike
 
 from sensorbook.attitude import two_vector
 from sensorbook.attitude.rotations import matrix_from_axis_angle
-from sensorbook.camera.edges import Edges
+from sensorbook.camera.edges import find_edges
 from sensorbook.camera.guided import guided_edges
 from sensorbook.camera.limb import Limb, across_of, around, find_limb, fit_limb, weighted
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import EARTH_RADIUS
-from sensorbook.camera.sun import Sun, find_sun
+from sensorbook.camera.sun import SUN_RADIUS, Sun, find_sun
+from sensorbook.errors import Refusal
 
 _APART = np.radians(1.0)  # an ellipsoid's limb, and clouds on it, are a tenth of that off
+_NEAR = 3.0  # pixels beyond the Sun's rim that the ground's glow may fill
 _WHOLE = 0.7  # of the edge points on the limb: fewer may be of one of another size
 _MORE = 1.3  # times as many points on another limb
 FEW = 40  # edge points: so few may lie on a limb by chance, and are looked at again
@@ -64,53 +66,69 @@ def attitude_from_image(
     """
     position, sun = np.asarray(position, dtype=float), np.asarray(sun, dtype=float)
     semi_axes = np.asarray(semi_axes, dtype=float)
-    if not np.linalg.norm(position / semi_axes) > 1:
+    if semi_axes.shape != (3,) or not (semi_axes > 0).all():
+        raise ValueError(f"semi_axes are {semi_axes}: give three lengths in metres, above 0")
+    if not 1 < np.linalg.norm(position / semi_axes) < np.inf:
         raise ValueError("position is inside the Earth: give metres from its centre")
     if not abs(np.linalg.norm(sun) - 1) < 1e-6:
         raise ValueError(
             f"sun is no unit vector, its length {np.linalg.norm(sun):.4g}: divide by it"
         )
     size = np.linalg.norm(position)
+    apart = float(np.arccos(np.clip(-position @ sun / size, -1, 1)))
+    radius = expected_radius(size, semi_axes.mean())
     sun_camera = camera if sun_view is None else sun_view[1]
     seen = find_sun(*(sun_view or (image, camera)))
+    if seen.status == "ok" and (near := _too_near(apart - radius[0], sun_camera)):
+        seen = replace(seen, direction=None, pixel=None, std=None, status=near)
     to_sun = None if seen.direction is None else sun_camera.to_body @ seen.direction
     its_sun = None if to_sun is None else camera.to_body.T @ to_sun
-    radius = expected_radius(size, semi_axes.mean())
     limb = find_limb(image, camera, its_sun, radius)
     if its_sun is not None and limb.used.sum() < FEW:
-        apart = np.arccos(np.clip(-position @ sun / size, -1, 1))
         edges = guided_edges(image, camera, its_sun, apart, radius[0])
         if edges is not None:
             limb = fit_limb(edges, camera, its_sun, radius)
         elif limb.status == "ok":
             limb = replace(limb, direction=None, status="limb too faint")
-    if limb.status == "ok" and limb.used.mean() < _WHOLE:
-        limb = _or_contradicted(limb, camera, its_sun, radius)
+    if len(limb.pixels) >= FEW and (limb.status != "ok" or limb.used.mean() < _WHOLE):
+        limb = _or_contradicted(limb, image, camera, its_sun, radius)
     missing = [what.status for what in (seen, limb) if what.status != "ok"]
     if not missing:
-        missing = _contradiction(limb, its_sun, np.arccos(np.clip(-position @ sun / size, -1, 1)))
+        missing = _contradiction(limb, its_sun, apart)
     if missing:
         return ImageAttitude(seen, limb, None, None, "no solution: " + ", ".join(missing))
     down = -position / size
     measured = np.array([camera.to_body @ limb.direction, to_sun])
-    first = two_vector(measured, [down, sun], sigma=[max(limb.std, 1e-6), seen.std])
+    try:
+        first = two_vector(measured, [down, sun], sigma=[max(limb.std, 1e-6), seen.std])
+    except Refusal as refusal:  # in line: the turn about both is not determined
+        return ImageAttitude(seen, limb, None, None, f"no solution: {refusal.reason}")
     matrix, covariance, haze = _joint(
         first.matrix, limb, camera, to_sun, seen.std, position, sun, semi_axes
     )
     return ImageAttitude(seen, limb, matrix, covariance, "ok", haze)
 
 
-def _or_contradicted(limb: Limb, camera: Camera, sun, radius: tuple[float, float]) -> Limb:
-    """The limb, unless many more of its edge points lie on one of another size than the position gives."""
-    edges = Edges(limb.pixels, limb.inward, limb.sigma)
-    free = fit_limb(edges, camera, sun)
-    if free.status != "ok" or free.used.sum() < _MORE * limb.used.sum():
+def _too_near(gap: float, camera: Camera) -> str:
+    """Why a Sun that time and position put at a `gap`, rad, from the ground is no direction, or ""."""
+    if gap < -SUN_RADIUS:
+        return "Sun behind the Earth by time and position"
+    if gap < SUN_RADIUS + _NEAR / camera.focal_px:
+        return "Sun too near the Earth's edge"
+    return ""
+
+
+def _or_contradicted(limb: Limb, image, camera: Camera, sun, radius: tuple[float, float]) -> Limb:
+    """The limb, unless many more edge points lie on one of another size than the position gives."""
+    pixel = None if sun is None else camera.project(sun)
+    free = fit_limb(find_edges(image, camera, pixel), camera, sun)
+    if free.status != "ok" or free.used.sum() < max(_MORE * limb.used.sum(), FEW):
         return limb
     off = abs(free.angular_radius - radius[0])
     if off < 0.1 * radius[0] or off < 6 * np.hypot(np.sqrt(free.covariance[2, 2]), radius[1]):
         return limb
     found, given = np.degrees([free.angular_radius, radius[0]])
-    why = f"limb of {found:.1f}° radius where the position gives {given:.1f}°: check the position"
+    why = f"disc of {found:.1f}° radius, not the Earth's of {given:.1f}° that the position gives"
     return replace(limb, direction=None, angular_radius=None, covariance=None, status=why)
 
 

@@ -53,7 +53,6 @@ class Limb:
     covariance : (3, 3) of (two angles of the direction along the axes of `basis`, angular radius), rad²
     basis : (2, 3), unit vectors across the direction
     pixels : (N, 2), edge points; `used` (N,) those the fit kept; `residuals` (N,), pixels
-    inward : (N, 2), unit vectors in the image from dark to bright
     sigma : (N,), pixels, how well each is known
     rays, across : (N, 3), lines of sight through them, and how these turn over a pixel inward
     status : "ok", or why there is none
@@ -68,7 +67,6 @@ class Limb:
     used: np.ndarray
     residuals: np.ndarray
     status: str
-    inward: np.ndarray | None = None
     sigma: np.ndarray | None = None
     rays: np.ndarray | None = None
     across: np.ndarray | None = None
@@ -93,6 +91,12 @@ def find_limb(
     Air is many pixels deep in a telephoto picture: where no edge is as sharp as a pixel, the limb is
     that of a smaller image. Pixels, sigma and residuals are of the image given.
     """
+    if sun is not None and not abs(np.linalg.norm(sun) - 1) < 1e-6:
+        raise ValueError(f"sun is {sun}: give a unit vector in camera axes, or None")
+    if radius is not None and not (
+        np.shape(radius) == (2,) and 0 < radius[0] < np.pi / 2 and radius[1] > 0
+    ):
+        raise ValueError(f"radius is {radius}: give the angular radius and its standard error, rad")
     pixel = None if sun is None else camera.project(sun)
     limb = fit_limb(find_edges(image, camera, pixel), camera, sun, radius)
     found = []
@@ -185,7 +189,6 @@ def fit_limb(
         used,
         residuals,
         "ok",
-        edges.inward,
         edges.sigma,
         rays,
         across,
