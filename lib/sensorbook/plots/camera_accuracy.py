@@ -69,7 +69,7 @@ def plot_by_angle(
         a.set_title(orbit.upper(), fontsize=10)
         for colour, mark, name, errors in (
             (CHAIN, "s", "C's chain", [t.chain_error for t in trials]),
-            (OURS, "o", "limb's cone", [t.error for t in trials]),
+            (OURS, "o", "limb and Sun together", [t.error for t in trials]),
         ):
             pairs = [
                 (t.off_axis, np.linalg.norm(e))
