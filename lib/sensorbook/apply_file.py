@@ -156,6 +156,12 @@ def _declarations(found: Entry, sensor: str | None) -> list[dict[str, Any]]:
             continue
         if sensor in (None, value["sensor"]):
             listed.append(value)
+    there = {e.value.get("sensor") for e in found.at("inputs").items() if isinstance(e.value, dict)}
+    if there == {"camera"}:
+        raise found.at("inputs").wrong(
+            "are a camera's images: a camera has no calibration that could be applied",
+            "name the results.json of an inertial sensor or a magnetometer",
+        )
     if not listed:
         what = f"of the {sensor} " if sensor else ""
         raise found.at("inputs").wrong(f"lists no recording {what}that a file could be like")

@@ -244,6 +244,8 @@ def _cautions(reference: Entry, other: Entry) -> Iterator[str]:
         if all(map(finite, rates)) and abs(rates[0] / rates[1] - 1) > 0.01:
             yield (f"the {sensor}'s {kind} recording was sampled at {rates[0]:g} Hz, now at "
                    f"{rates[1]:g} Hz: quantization and what a low-pass hides differ")  # fmt: skip
+    if any("camera" in (r.at("sensors").value or {}) for r in (reference, other)):
+        yield "a camera's results are its images: they are not compared"
     for sensor in reference.at("sensors").value or {}:
         was, now = (
             r.at("sensors").get(sensor).get("thermal").value or {} for r in (reference, other)

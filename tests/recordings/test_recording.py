@@ -318,7 +318,7 @@ def test_an_image_of_absurd_size_is_not_read(folder):
         chunks = (struct.pack(">I", len(of)) + name_ + of + struct.pack(">I", zlib.crc32(name_ + of))
                   for name_, of in parts)  # fmt: skip
         (path / "images" / name).write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
-    (path / "poses.csv").write_text("image\na.png\nb.png\n")
+    (path / "poses.csv").write_text("image,x,y,z\na.png,7e6,0,0\nb.png,7e6,0,0\n")
     problems, findings = check(path)
     assert problems == []
     told = [f.message for f in findings if f.file == "images/b.png"]

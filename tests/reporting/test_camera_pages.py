@@ -174,6 +174,12 @@ def test_index_of_none_solved_and_of_a_refusal(tmp_path):
     page = index.device_page(assembled(None, "The files hold nothing."), tmp_path)
     assert "images solved" not in page
     assert "The files hold nothing." in page
+    failed = assembled(None, "fault")
+    failed["chapters"][0] |= {"status": "failed", "page": None}
+    failed["sensors"] = {}
+    page = index.device_page(failed, tmp_path)
+    assert "A camera is judged against no limits." in page
+    assert "stands below" not in page
 
 
 def test_group_page(tmp_path):
@@ -182,7 +188,10 @@ def test_group_page(tmp_path):
         (tmp_path / name / "results.json").write_text(json.dumps(assembled(images, folder=name)))
     page = group.group_page(tmp_path)
     assert "Camera<br>Images solved<br>" in page
-    assert "Camera<br>Attitude, error<br>" in page
+    assert "Camera<br>Earth&#39;s direction, standard error per axis, median<br>" in page
+    assert "A camera's numbers are of all its images that have them: medians" in page
+    assert "worst axis" not in page
+    assert "Camera<br>Attitude, error, mean<br>" in page
     rows = {
         line.split("index.html'>")[1].split("<")[0]: line
         for line in page.splitlines()
@@ -222,7 +231,24 @@ def test_comparison_leaves_images_out(tmp_path, capsys):
     for name in ("a", "b"):
         (tmp_path / f"{name}.json").write_text(json.dumps(assembled(ALL)))
     assert main(["compare", str(tmp_path / "a.json"), str(tmp_path / "b.json")]) == 0
-    assert "camera" not in capsys.readouterr().out.replace(str(tmp_path), "")
+    assert capsys.readouterr().out.splitlines()[2:] == [
+        "  Note: a camera's results are its images: they are not compared",
+        "  Nothing to compare: the two have no number with an interval in common.",
+    ]
+
+
+def test_a_camera_has_no_calibration_to_apply(tmp_path, capsys):
+    (tmp_path / "cam.json").write_text(json.dumps(assembled(ALL)))
+    (tmp_path / "log.csv").write_text("x,y,z\n1,2,3\n")
+    out = tmp_path / "out.csv"
+    assert (
+        main(["apply", str(tmp_path / "cam.json"), str(tmp_path / "log.csv"), "-o", str(out)]) == 1
+    )
+    assert capsys.readouterr().err == (
+        f"{tmp_path}/cam.json: inputs: are a camera's images: a camera has no calibration that could be "
+        "applied — name the results.json of an inertial sensor or a magnetometer\n"
+    )
+    assert not out.exists()
 
 
 # ---- declarations ----

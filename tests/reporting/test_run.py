@@ -274,6 +274,57 @@ def test_an_unreadable_device_loses_its_earlier_report(quick, tmp_path):
     results(done)
 
 
+def test_a_declaration_that_is_no_toml_keeps_the_earlier_report_and_says_so(quick, tmp_path):
+    out = tmp_path / "out"
+    device = write_device(tmp_path / "d", "dev-1", [("gyroscope", "static")])
+    assert run([device], out).code == 0
+    before = results(run([device], out))
+    file = device / "device.toml"
+    file.write_text("name = = 3\n" + file.read_text())
+    done = run([device], out)
+    assert done.code == 1
+    told = "device.toml: is not valid TOML: Invalid value (at line 1, column 8) — mend the syntax"
+    assert done.stderr == f"dev-1: {told}\n"
+    after = results(done)
+    assert after == before | {"problems": [told]}
+    assert (out / "dev-1" / "gyroscope" / "allan.html").exists()
+    page = done.text("dev-1", "index.html")
+    assert told in page
+    assert "It could not be read now: what stands below is of " in page
+    row = done.text("index.html")
+    assert "✗ failed" in row
+    file.write_text(file.read_text().removeprefix("name = = 3\n"))
+    done = run([device], out)
+    assert results(done)["problems"] == []
+    assert "what stands below" not in done.text("dev-1", "index.html")
+
+
+def test_a_declaration_that_is_no_toml_and_has_no_earlier_report(quick, tmp_path):
+    (tmp_path / "d").mkdir()
+    (tmp_path / "d" / "device.toml").write_bytes(b"id = 'dev-1' # \xff\n[[recording]\n")
+    done = run([tmp_path / "d"], tmp_path / "out")
+    assert done.code == 1
+    assert "is not UTF-8 text" in done.text("dev-1", "index.html")
+    (tmp_path / "d" / "device.toml").write_text("[[recording]\nid = 'x'\n")
+    assert not (tmp_path / "out" / "x").exists(), "the id of a table is not the device's"
+
+
+def test_only_what_a_device_does_not_feed_is_told(quick, tmp_path):
+    device = write_device(tmp_path / "d", "dev-1", [("gyroscope", "static")])
+    other = write_device(tmp_path / "e", "dev-2", [("gyroscope", "thermal")])
+    done = run([device, other], tmp_path / "out", only=["thermal"])
+    assert done.code == 0
+    page = done.text("dev-1", "index.html")
+    assert (
+        "The chapters asked for with <code>--only</code> do not read these recordings, so that"
+        in page
+    )
+    assert "No chapter reads these" not in page
+    assert "No limits given" not in page, "nothing was measured that could be judged"
+    assert "dev-1: --only leaves nothing to do; its recordings feed allan" in done.stdout
+    assert "No chapter reads these recordings yet" in done.text("dev-2", "index.html")
+
+
 def test_a_recording_of_no_sensor_fails_and_the_others_stand(quick, tmp_path):
     device = write_device(tmp_path / "d", "dev-1", [("gyroscope", "static")])
     file = device / "device.toml"

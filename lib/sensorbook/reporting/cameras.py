@@ -12,6 +12,11 @@ from sensorbook.reporting.words import quantity_name
 from sensorbook.units import field_unit
 
 QUANTITIES = ("solved_percent", "earth_direction_std_deg", "attitude_std_deg", "attitude_error_deg")
+STATISTICS = {
+    "earth_direction_std_deg": "median",
+    "attitude_std_deg": "median",
+    "attitude_error_deg": "mean",
+}
 _REASONS = 8  # told on a page
 
 
@@ -65,6 +70,11 @@ def camera_table(result: Mapping[str, Any]) -> dict[str, Any] | None:
         for quantity, number in numbers.items()
         if quantity != "solved_percent"
     ]
+    caption = "Medians of the standard errors"
+    if "attitude_std_deg" in numbers:
+        caption += ": of a direction for each axis across it, of an attitude for its axes together"
+    if "attitude_error_deg" in numbers:
+        caption += "; mean of the errors against the true attitude"
     reasons = Counter(
         image["status"].replace(f" ({image.get('partner')})", "").removeprefix("no solution: ")
         for image in images
@@ -72,6 +82,7 @@ def camera_table(result: Mapping[str, Any]) -> dict[str, Any] | None:
     ).most_common()
     return {
         "solved": f"{solved} of {len(images)} image{'' if len(images) == 1 else 's'}",
+        "caption": caption,
         "rows": rows,
         "reasons": reasons[:_REASONS],
         "more": len(reasons) - _REASONS,

@@ -26,7 +26,7 @@ from sensorbook.reporting.calibrations import (
     size,
     whole,
 )
-from sensorbook.reporting.cameras import camera_numbers
+from sensorbook.reporting.cameras import STATISTICS, camera_numbers
 from sensorbook.reporting.render import TEMPLATES, page
 from sensorbook.reporting.results import overall
 from sensorbook.reporting.spread import spread_of
@@ -113,8 +113,9 @@ def group_page(root: Path) -> str:
         spreads=spreads,
         models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
                 for model, members in models],
+        kinds={"camera" if sensor == "camera" else "axes" for sensor, _ in columns},
         several=len(models) > 1 or bool(models and models[0][0]),
-        columns=[(*c, judged_name(*c), units.field_unit(*c)[0].removesuffix("1")) for c in columns],
+        columns=[(*c, _title(c), units.field_unit(*c)[0].removesuffix("1")) for c in columns],
         count=len(rows),
         book=(root / "book" / "index.html").is_file(),
         script=Markup(script),
@@ -270,6 +271,12 @@ def _scale(sensor: str, quantity: str) -> float:
         return units.field_unit(sensor, quantity)[1]
     except units.UnitError:
         raise ValueError from None
+
+
+def _title(column: Column) -> str:
+    """What stands over a column; of a camera's, which number of all its images it is."""
+    statistic = STATISTICS.get(column[1], "") if column[0] == "camera" else ""
+    return f"{judged_name(*column)}, {statistic}" if statistic else judged_name(*column)
 
 
 def _columns(rows: Sequence[Row]) -> list[Column]:

@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,14 @@ THUMBNAIL_WIDTH = 560  # pixels; shown at half of it
 ALWAYS = ("random_walk", "noise_density", "bias_instability", "rate_random_walk")
 
 
-def device_page(found: dict[str, Any], folder: Path) -> str:
-    """The index of one device, from its results.json; `folder` holds its chapters' notebooks."""
+def device_page(
+    found: dict[str, Any], folder: Path, left_out: Sequence[str] = (), earlier: bool = False
+) -> str:
+    """The index of one device, from its results.json; `folder` holds its chapters' notebooks.
+
+    `left_out` names the chapters that its recordings feed, where `--only` left all of them out.
+    `earlier` is true where the results are of an earlier run, as the device cannot be read now.
+    """
     judged = {check["sensor"] for check in found["checks"]}
     # What is judged comes first.
     ordered = sorted(found["sensors"].items(), key=lambda item: item[0] not in judged)
@@ -56,7 +63,9 @@ def device_page(found: dict[str, Any], folder: Path) -> str:
     return page(
         "device",
         found=found,
-        banner=_banner(found),
+        banner=_banner(found) if found["chapters"] or found["checks"] else None,
+        left_out=left_out,
+        earlier=earlier,
         doubtful=_doubtful(found.get("guesses", [])),
         chapters=[
             (
@@ -122,7 +131,8 @@ def _banner(found: dict[str, Any]) -> dict[str, Any]:
     if verdict == "pass":
         lines = [f"Closest to its limit: {check_words(max(checks, key=_nearness), found)}"]
     words = {
-        None: "A camera is judged against no limits: what its images gave stands below."
+        None: "A camera is judged against no limits"
+        + (": what its images gave stands below." if found["sensors"] else ".")
         if cameras_alone(found)
         else "No limits given: a [spec] table in device.toml has the device judged against it.",
         "pass": f"✓ Within its limits: all {len(checks)} checks passed.",

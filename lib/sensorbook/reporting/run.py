@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Iterable
@@ -105,7 +106,12 @@ def _run(
     side_by_side((partial(work_off, tasks, tree, said) for tasks in planned), jobs)
     found = []
     for device in ready:
-        found.append(_finish(device, tree, said))
+        fed = [c for c in chapters.CHAPTERS if any(device.feeds(c, s) for s in c.sensors)]
+        nothing = bool(only and fed) and not any(c.slug in only for c in fed)
+        if nothing:
+            listed = ", ".join(c.slug for c in fed)
+            said.line(f"{device.id}: --only leaves nothing to do; its recordings feed {listed}")
+        found.append(_finish(device, tree, said, [c.title for c in fed] if nothing else []))
         said.line(f"{out / device.id / 'index.html'}")
     tree.write(tree.root / "index.html", group.group_page(tree.root))
     said.line(f"{out / 'index.html'}")
@@ -127,9 +133,17 @@ def _has_place(device: Source, tree: Tree, said: Said) -> bool:
     return True
 
 
-def _finish(device: Source, tree: Tree, said: Said) -> dict[str, Any]:
-    """Writes what derives from the chapters' files: results.json and the device's index."""
+def _finish(device: Source, tree: Tree, said: Said, left_out: list[str]) -> dict[str, Any]:
+    """Writes what derives from the chapters' files: results.json and the device's index.
+
+    `left_out` are the titles of what the recordings feed, where `--only` left nothing of it.
+    """
     folder = tree.root / device.id
+    if not device.parsed and (kept := _kept(device, folder)):
+        found, page = kept
+        tree.write(folder / "results.json", results.dumps(found))
+        tree.write(folder / "index.html", page)
+        return found
     for sensor in results.sensors():
         for chapter in chapters.CHAPTERS:
             if not device.feeds(chapter, sensor) and (folder / sensor).resolve() == folder / sensor:
@@ -147,5 +161,20 @@ def _finish(device: Source, tree: Tree, said: Said) -> dict[str, Any]:
     )
     tree.write(folder / "results.json", results.dumps(found))
     tree.write(folder / "results.csv", results.csv_text(found))
-    tree.write(folder / "index.html", index.device_page(found, folder))
+    tree.write(
+        folder / "index.html",
+        index.device_page(found, folder, [] if found["chapters"] else left_out),
+    )
     return found
+
+
+def _kept(device: Source, folder: Path) -> tuple[dict[str, Any], str] | None:
+    """An earlier results.json with the problem that a device has now, and its page; None for none."""
+    try:
+        found = json.loads((folder / "results.json").read_bytes())
+        if found["device"]["id"] != device.id or not found["chapters"]:
+            return None
+        found |= {"problems": list(device.problems)}
+        return found, index.device_page(found, folder, earlier=True)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None

@@ -28,8 +28,8 @@ NAMES = {
     "coverage_percent": "Coverage of directions",
     "heading_error_after_deg": "Heading error, corrected",
     "solved_percent": "Images solved",
-    "earth_direction_std_deg": "Earth's direction, standard error",
-    "attitude_std_deg": "Attitude, standard error",
+    "earth_direction_std_deg": "Earth's direction, standard error per axis",
+    "attitude_std_deg": "Attitude, standard error of all axes",
     "attitude_error_deg": "Attitude, error",
 }
 SENSOR_NAMES = {

@@ -21,6 +21,7 @@ import tomli
 import sensorbook
 from sensorbook.errors import InputError
 from sensorbook.guessing import guess_rows, told
+from sensorbook.recordings.checks import RESERVED_IDS
 from sensorbook.reporting import execute, render, results
 from sensorbook.reporting.chapters import Chapter
 from sensorbook.reporting.tree import Tree
@@ -30,13 +31,17 @@ KINDS = ("html", "json", "ipynb")  # a chapter's page, record and executed noteb
 
 @dataclass(frozen=True)
 class Source:
-    """A device folder as the reports need it; `problems` are those of its declaration."""
+    """A device folder as the reports need it; `problems` are those of its declaration.
+
+    `parsed` is false where device.toml is no TOML, which tells nothing about the recordings.
+    """
 
     path: Path
     id: str
     about: dict[str, Any]
     recorded: frozenset[tuple[str, str]]
     problems: tuple[str, ...]
+    parsed: bool = True
 
     def feeds(self, chapter: Chapter, sensor: str) -> bool:
         return sensor in chapter.sensors and (sensor, chapter.kind) in self.recorded
@@ -77,11 +82,12 @@ def open_source(path: Path, said: Said) -> Source | None:
         what = "has no device.toml" if path.exists() else "there is no such file or folder"
         said.problem(f"{path}: {what} — give a folder that holds a device.toml, or a recording")
         return None
+    parsed = True
     try:
         device = sensorbook.load(str(path))
     except InputError as error:
         problems = tuple(map(str, error.problems))
-        name = "" if bare else _declared_id(declaration)
+        name, parsed = ("", True) if bare else _declared_id(declaration)
         about = {"id": name, "name": name, "model": None, "serial": None, "spec": {}}
         recorded = frozenset()
     else:
@@ -97,16 +103,24 @@ def open_source(path: Path, said: Said) -> Source | None:
     if not about["id"]:
         return None
     place = path if bare else declaration.parent
-    return Source(place.resolve(), about["id"], about, recorded, problems)
+    return Source(place.resolve(), about["id"], about, recorded, problems, parsed)
 
 
-def _declared_id(declaration: Path) -> str:
-    """The id of a device that cannot be read otherwise: its earlier report must not stand."""
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        name = tomli.loads(declaration.read_text(encoding="utf-8")).get("id")
-        if isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
-            return "" if name in ("index.html", "book") else name
-    return ""
+def _declared_id(declaration: Path) -> tuple[str, bool]:
+    """The id of a device that cannot be read otherwise, "" for none, and whether its file is TOML."""
+    data = b""
+    with contextlib.suppress(OSError):
+        data = declaration.read_bytes()
+    try:
+        name, parsed = tomli.loads(data.decode("utf-8-sig")).get("id"), True
+    except (ValueError, RecursionError):  # UnicodeDecodeError is one, too
+        text = data.decode("utf-8-sig", "replace")
+        head = re.split(r"^\s*\[", text, maxsplit=1, flags=re.MULTILINE)[0]
+        line = re.search(r"""^\s*id\s*=\s*(["'])(.*?)\1""", head, re.MULTILINE)
+        name, parsed = line and line[2], False
+    if isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
+        return ("" if name in RESERVED_IDS else name), parsed
+    return "", parsed
 
 
 def same_ids(sources: list[Source], said: Said) -> bool:
