@@ -6,13 +6,17 @@ from scipy.spatial.transform import Rotation
 
 from sensorbook.camera.model import Camera
 from sensorbook.camera.star_identify import (
+    CROWDED,
     LIMIT,
+    NONE,
+    SHORT,
     StarTable,
     _guesses,
     _sines,
     expected_false_names,
     expected_false_triangles,
     identify,
+    share_of_sky,
 )
 from sensorbook.camera.star_scene import made_up_sky
 from sensorbook.errors import Refusal
@@ -103,7 +107,7 @@ def test_nothing_but_false_stars(table):
     rng = np.random.default_rng(1705)
     for _ in range(60):
         rays = CAMERA.rays(rng.uniform(0, 1023, (rng.integers(4, 25), 2)))
-        assert identify(rays, np.full(len(rays), STD), table).status == "no match"
+        assert identify(rays, np.full(len(rays), STD), table).status == NONE
 
 
 def test_false_triangles_are_as_many_as_stated(sky, table):
@@ -131,13 +135,43 @@ def test_false_triangles_are_as_many_as_stated(sky, table):
     assert abs(counted - expected) < 4 * np.sqrt(expected)  # Poisson
 
 
+def test_counts_say_why_there_is_no_match(table):
+    """A catalogue of 80 stars puts 0.4 in view; 200 spots are more than the 20 that a field holds."""
+    rng = np.random.default_rng(1711)
+    short = StarTable.of(made_up_sky(2.3, rng).directions, CAMERA)
+    for own, count, status in ((short, 12, SHORT), (table, 200, CROWDED), (table, 50, NONE)):
+        rays = CAMERA.rays(rng.uniform(0, 1023, (count, 2)))
+        assert identify(rays, np.full(count, STD), own).status == status
+
+
+def test_share_of_sky_and_stars_in_view():
+    """Against directions counted, and a sixth of the sphere for a field of 90°."""
+    assert share_of_sky(Camera(512, 512, 256.0)) == pytest.approx(1 / 6, abs=1e-9)
+    rng = np.random.default_rng(1712)
+    sky = made_up_sky(9.0, rng)
+    camera = Camera(900, 300, 700.0, principal_point=(300.0, 170.0))
+    counted = camera.sees(sky.directions).sum()
+    # Poisson's scatter of some 2 800.
+    assert abs(
+        counted
+        - StarTable.of(sky.brighter(3).directions, camera).mean
+        * len(sky.magnitudes)
+        / len(sky.brighter(3).magnitudes)
+    ) < 4 * np.sqrt(counted)
+
+
+def test_a_catalogue_s_error_is_a_number():
+    with pytest.raises(ValueError, match="error_arcsec is -1: give arcseconds, 0 or more"):
+        StarTable.of(np.eye(3)[[0, 1, 2, 0]], CAMERA, -1)
+
+
 def test_mirror_image_fits_nothing(sky, table):
     rng = np.random.default_rng(1707)
     _, pixels = spots(sky, Rotation.random(rng=rng).as_matrix(), rng)
     rays = CAMERA.rays(pixels)
     std = np.full(len(rays), STD)
     assert identify(rays, std, table).status == "ok"
-    assert identify(rays * [-1, 1, 1], std, table).status == "no match"
+    assert identify(rays * [-1, 1, 1], std, table).status == NONE
 
 
 def test_two_places_alike_are_ambiguous(sky):
@@ -174,7 +208,7 @@ def test_too_few(table, count):
 def test_spots_in_one_line_make_no_triangle(table):
     rays = CAMERA.rays(np.column_stack([np.linspace(10, 1000, 8), np.full(8, 500.0)]))
     found = identify(rays, np.full(8, STD), table)
-    assert (found.status, found.triangles) == ("no match", 0)
+    assert (found.status, found.triangles) == (NONE, 0)
 
 
 @pytest.mark.parametrize(

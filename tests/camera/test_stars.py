@@ -7,9 +7,10 @@ from scipy.spatial.transform import Rotation
 from sensorbook.attitude.rotations import error_vector
 from sensorbook.camera.model import Camera
 from sensorbook.camera.star_blobs import REASONS, find_blobs
+from sensorbook.camera.star_identify import CROWDED, NONE
 from sensorbook.camera.star_scene import OPTICS, Optics, Sky, made_up_sky, render_stars, stars_to
-from sensorbook.camera.star_study import accuracy, share_solved, study
-from sensorbook.camera.stars import StarTable, attitude_from_stars
+from sensorbook.camera.star_study import accuracy, share_solved, shifted, study
+from sensorbook.camera.stars import MISFIT, StarTable, attitude_from_stars
 
 CAMERA = Camera(512, 512, 1450.0)  # 20° across
 GAIN = OPTICS.gain
@@ -218,6 +219,8 @@ def test_moon_and_hot_pixels_are_rejected():
     found = dict(zip(map(tuple, np.rint(blobs.pixels).astype(int)), why(blobs), strict=True))
     assert found.pop((300, 400)) == "too narrow"
     assert found.pop((60, 50)) == "too narrow"
+    hot = blobs.flux[[tuple(p) == (300, 400) for p in np.rint(blobs.pixels).astype(int)]]
+    assert hot[0] == pytest.approx(119, abs=3), "one pixel's, above a background of 1 DN"
     assert found.pop((100, 400)) == ""
     assert list(found.values()) in (["too large"], ["saturated"])
 
@@ -309,13 +312,69 @@ def test_a_star_that_has_moved_loses_its_name(sky, table):
     assert error @ np.linalg.solve(after.covariance, error) < 21  # χ² of 3: one in ten thousand
 
 
+WIDE = Camera(1024, 1024, 4170.0)  # 14° across, where 0.02 % of the focal length are 0.1 pixels
+
+
+@pytest.mark.parametrize(
+    ("fault", "solved"),
+    [
+        ({"focal": 1.0002}, 4),
+        ({"focal": 1.001}, 0),
+        ({"distortion": (-0.05, 0.0)}, 0),
+        ({"arcsec": 2.0}, 8),
+        ({"arcsec": 20.0}, 0),
+        ({"arcsec": 2.0, "stated": 2.0}, 11),
+        ({"arcsec": 20.0, "stated": 20.0}, 11),
+    ],
+)
+def test_faults_widen_the_covariance_or_have_no_solution(sky, fault, solved):
+    """Left out of the account, they made error² over covariance 30 to 680. A dozen images each."""
+    rng = np.random.default_rng(1745)
+    lens = Camera(1024, 1024, 4170 / fault.get("focal", 1), distortion=fault.get("distortion", ()))
+    catalogue = shifted(sky.brighter(6.0).directions, fault.get("arcsec", 0), rng)
+    own = StarTable.of(catalogue, WIDE, fault.get("stated", 0.1))
+    found = study(WIDE, sky, own, 12, 1746, taken_by=lens)
+    assert found.wrong == 0
+    assert set(found.statuses) <= {"ok", f"no solution: {MISFIT}", f"no solution: {NONE}"}
+    if solved:
+        assert found.solved.sum() >= solved
+        # Three where all is known, and four times the scatter of a dozen, √(6/12); a lens's errors are
+        # no noise.
+        assert found.normalised.mean() < (5.8 if "stated" in fault else 7)
+    else:
+        assert found.solved.sum() == 0
+
+
+def test_what_a_misfit_that_is_refused_leaves(sky, table):
+    rng = np.random.default_rng(1747)
+    attitude = Rotation.random(rng=rng).as_matrix()
+    image = render_stars(Camera(512, 512, 1450 * 1.002), sky, attitude, rng)
+    found = attitude_from_stars(image, CAMERA, table, GAIN)
+    assert found.status == f"no solution: {MISFIT}"
+    assert found.misfit > 5
+    assert found.matrix is None
+    assert (found.matched == -1).all()
+
+
+def test_a_misfit_within_chance_changes_nothing(sky, table):
+    """Then the covariance is that of the stars' standard errors: 1/σ² summed across the axis."""
+    rng = np.random.default_rng(1748)
+    image = render_stars(CAMERA, sky, np.eye(3), rng)
+    found = attitude_from_stars(image, CAMERA, table, GAIN)
+    assert found.misfit < 1.3  # 95 % of what chance gives some 20 stars
+    named = found.matched >= 0
+    std = np.hypot(found.blobs.std[named] / CAMERA.focal_px, table.std)
+    # But for the field's 10° half-width and stars not even around its middle.
+    assert found.across_std == pytest.approx(1 / np.sqrt((1 / std**2).sum()), rel=0.15)
+
+
 def test_a_wrong_focal_length_shows_or_fits_nothing(sky, table):
     rng = np.random.default_rng(1737)
     attitude = Rotation.random(rng=rng).as_matrix()
     image = render_stars(Camera(512, 512, 1450 * 1.0005), sky, attitude, rng)
     assert attitude_from_stars(image, CAMERA, table, GAIN).misfit > 2
     image = render_stars(Camera(512, 512, 1450 * 1.02), sky, attitude, rng)
-    assert attitude_from_stars(image, CAMERA, table, GAIN).status == "no solution: no match"
+    assert attitude_from_stars(image, CAMERA, table, GAIN).status == f"no solution: {NONE}"
 
 
 @pytest.mark.parametrize(
@@ -345,7 +404,7 @@ def test_what_fails_says_so(sky, table, scene, status):
 def test_false_stars_that_crowd_the_real_ones_out(sky, table):
     """Some images are solved and some are not, none of them wrong."""
     found = study(CAMERA, sky, table, 30, 1744, false=200)
-    assert set(found.statuses) == {"ok", "no solution: no match"}
+    assert set(found.statuses) == {"ok", f"no solution: {CROWDED}"}
     assert found.wrong == 0
 
 
@@ -353,7 +412,7 @@ def test_another_sky_has_no_solution(table):
     """Images of stars that the catalogue does not hold."""
     rng = np.random.default_rng(1739)
     found = study(CAMERA, made_up_sky(6.0, rng), table, 25, 1740)
-    assert set(found.statuses) == {"no solution: no match"}
+    assert set(found.statuses) == {f"no solution: {NONE}"}
     assert found.wrong == 0
 
 

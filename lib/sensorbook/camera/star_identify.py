@@ -23,11 +23,22 @@ from sensorbook.errors import Refusal
 
 LEAST = 4  # stars: three make a guess, and one confirms it
 LIMIT = 1e-6  # expected false solutions an image
+CATALOGUE_ARCSEC = (
+    0.1  # of a star's place; catalogues from space are better, motions since add to it
+)
 REACH = 4.0  # standard errors that angles and places may be off
 _TRIED = 20  # the brightest spots of which triangles are made
 _MOST_PAIRS = 8_000_000
 _LEAST_SINE = 0.1  # of a triangle's angles: in a flatter one the sense of rotation is not certain
-FEW, NONE, AMBIGUOUS = "fewer than 4 stars", "no match", "ambiguous"
+_MOST_FALSE = (
+    100  # spots beyond the stars expected; stars fainter than the catalogue's are seldom so many
+)
+FEW, AMBIGUOUS = "fewer than 4 stars", "ambiguous"
+NONE = (
+    "no match: the brightest spots are no catalogue stars, or focal length or distortion is wrong"
+)
+SHORT = "no match: fewer than 4 catalogue stars can be expected in view"
+CROWDED = f"no match: more than {_MOST_FALSE} spots that are no catalogue stars"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +51,25 @@ class StarTable:
     angles : (P,), rad, ascending
     pairs : (P, 2), their stars
     tree : of the directions
+    std : rad, standard error of a star's direction in each of the two axes across it
+    mean : stars that a field holds on average, in an even sky
     """
 
     directions: np.ndarray
     angles: np.ndarray
     pairs: np.ndarray
     tree: cKDTree
+    std: float
+    mean: float
 
     @classmethod
-    def of(cls, directions: ArrayLike, camera: Camera) -> StarTable:
-        """From unit vectors (N, 3) of a catalogue's stars, as they are seen, and the camera."""
+    def of(
+        cls, directions: ArrayLike, camera: Camera, error_arcsec: float = CATALOGUE_ARCSEC
+    ) -> StarTable:
+        """From unit vectors (N, 3) of a catalogue's stars, as they are seen, and the camera.
+
+        `error_arcsec` is the standard error of their places, in each of the two axes, arcseconds.
+        """
         directions = np.asarray(directions, dtype=float)
         if directions.ndim != 2 or directions.shape[1:] != (3,) or len(directions) < LEAST:
             raise ValueError(
@@ -57,6 +77,8 @@ class StarTable:
             )
         if not (np.abs(np.linalg.norm(directions, axis=-1) - 1) < 1e-6).all():
             raise ValueError("directions: one is no unit vector; divide each by its length")
+        if not 0 <= error_arcsec < np.inf:
+            raise ValueError(f"error_arcsec is {error_arcsec}: give arcseconds, 0 or more")
         right, bottom = camera.width - 1, camera.height - 1
         corners = camera.rays([[0, 0], [right, 0], [0, bottom], [right, bottom]])
         widest = np.sqrt(((corners[:, None] - corners) ** 2).sum(axis=-1)).max()
@@ -70,7 +92,9 @@ class StarTable:
         pairs = tree.query_pairs(widest, output_type="ndarray")
         angles = _angle(directions[pairs[:, 0]], directions[pairs[:, 1]])
         order = np.argsort(angles)
-        return cls(directions, angles[order], pairs[order], tree)
+        std = np.radians(error_arcsec / 3600)
+        mean = len(directions) * share_of_sky(camera)
+        return cls(directions, angles[order], pairs[order], tree, std, mean)
 
     def alike(self, angle: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         """Pairs of stars, in both orders, as far apart as `angle` within `tolerance`, rad; by the first."""
@@ -79,6 +103,21 @@ class StarTable:
         first, second = np.concatenate([found, found[:, ::-1]]).T
         order = np.argsort(first, kind="stable")
         return first[order], second[order]
+
+
+def share_of_sky(camera: Camera) -> float:
+    """The part of the sphere in a camera's field: two spherical triangles (Van Oosterom and Strackee 1983).
+
+    >>> round(41253 * share_of_sky(Camera(1024, 1024, 4170.0)), 1)  # square degrees, of 14° × 14°
+    195.0
+    """
+    right, bottom = camera.width - 0.5, camera.height - 0.5
+    a, b, c, d = camera.rays([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+    angle = 0.0
+    for u, v, w in ((a, b, c), (a, c, d)):
+        volume = abs(np.linalg.det([u, v, w]))
+        angle += 2 * np.arctan2(volume, 1 + u @ v + v @ w + w @ u)
+    return float(angle / (4 * np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +176,15 @@ def identify(rays: np.ndarray, std: np.ndarray, table: StarTable) -> Identity:
             return Identity(none, AMBIGUOUS, np.nan, triangles)
         if good:
             return Identity(good[0][1], "ok", good[0][0], triangles)
-    return Identity(none, NONE, np.nan, triangles)
+    return Identity(none, _why_none(len(rays), table.mean), np.nan, triangles)
+
+
+def _why_none(spots: int, mean: float) -> str:
+    """What the counts tell: too few stars in the catalogue, too many spots for its stars, or nothing."""
+    if mean < LEAST:
+        return SHORT
+    # Stars in a field are Poisson's: hardly ever more than four standard deviations above the mean.
+    return CROWDED if spots - (mean + 4 * np.sqrt(mean)) > _MOST_FALSE else NONE
 
 
 def nearest(

@@ -62,14 +62,18 @@ def study(
     images: int,
     seed: int,
     optics: Optics = OPTICS,
+    taken_by: Camera | None = None,
     **scene,
 ) -> StarStudy:
-    """Renders and reads images at random attitudes; `scene` is as for `render_stars`."""
+    """Renders and reads images at random attitudes; `scene` is as for `render_stars`.
+
+    `taken_by` is the true camera, where it is not the one that the images are read with.
+    """
     rng = np.random.default_rng(seed)
     statuses, stars, solved = [], [], []
     for _ in range(images):
         true = Rotation.random(rng=rng).as_matrix()
-        image = render_stars(camera, sky, true, rng, optics, **scene)
+        image = render_stars(taken_by or camera, sky, true, rng, optics, **scene)
         found = attitude_from_stars(image, camera, table, optics.gain, optics.spread)
         statuses.append(found.status)
         stars.append(camera.sees(table.directions @ (camera.to_body.T @ true).T).sum())
@@ -83,6 +87,12 @@ def study(
         np.reshape(covariance, (-1, 3, 3)),
         np.array(misfit),
     )
+
+
+def shifted(directions: np.ndarray, arcsec: float, rng: np.random.Generator) -> np.ndarray:
+    """Unit vectors (N, 3) with an error of `arcsec` rms in each of the two axes across them."""
+    moved = directions + np.radians(arcsec / 3600) * rng.normal(size=directions.shape)
+    return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
 
 
 def share_solved(
