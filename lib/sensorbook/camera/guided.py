@@ -23,6 +23,8 @@ _LEAST = (
 )
 _AHEAD = 1.6  # times that of any other place
 _QUARTER = 0.8  # standard errors that three of the arc's quarters stand out by
+_MOST = 4.0  # of the noise: what one point may add
+_COVER = 0.25  # of the limb's pixels that must have an edge
 _SHARE = 0.6  # of the limb that is brighter than what is outside: a spot on it is no limb
 
 
@@ -60,6 +62,7 @@ def guided_edges(
     grain = pixel_noise(image)
     smoothed = grain / (2 * np.sqrt(np.pi) * _BLUR)
     rise, seen = _contrast(smooth, camera, turns, inner, outers)
+    rise = np.minimum(rise, _MOST * smoothed)  # or a star outshines the whole limb
     weights = weight * seen
     size = np.sqrt((weights**2).sum(axis=1))
     votes = (
@@ -85,7 +88,8 @@ def guided_edges(
     inward = camera.project(deeper @ turns[best]) - pixels
     inside = camera.sees(there @ turns[best], 6)
     inward = inward[inside] / np.linalg.norm(inward[inside], axis=-1, keepdims=True)
-    return placed(image, Edges(pixels[inside], inward, np.ones(inside.sum())), grain, _TOGETHER)
+    edges = placed(image, Edges(pixels[inside], inward, np.ones(inside.sum())), grain, _TOGETHER)
+    return edges if len(edges.pixels) >= _COVER * inside.sum() else None
 
 
 def _everywhere(weight: np.ndarray, rise: np.ndarray) -> bool:
