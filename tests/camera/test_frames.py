@@ -168,7 +168,7 @@ def test_sixteen_bits_and_colour_give_what_eight_grey_bits_give(tmp_path):
     }
     colour, deep, plain = frames_of(write(tmp_path / "device", [recording("*.png")], files, poses))
     assert plain.note == ""
-    assert deep.note == "its 12 bits are read as 8"
+    assert deep.note == "12 bits are read as 8"
     assert colour.note == COLOURED
     assert colour.record()["note"] == COLOURED
     assert colour.matrix == pytest.approx(plain.matrix, abs=1e-12)

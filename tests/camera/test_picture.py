@@ -49,7 +49,7 @@ def test_colour_becomes_luminance(tmp_path, mode):
     rng = np.random.default_rng(3)
     colours = Image.fromarray(rng.integers(0, 256, (30, 40, 3)).astype(np.uint8)).convert(mode)
     picture, note = read_picture(saved(tmp_path, colours), CAMERA)
-    assert note == COLOURED == "its luminance is used (ITU-R BT.601)"
+    assert note == COLOURED == "colour is read as luminance (ITU-R BT.601)"
     red, green, blue = np.moveaxis(np.asarray(colours.convert("RGB")).astype(float), -1, 0)
     # Whole levels.
     assert np.abs(picture - (0.299 * red + 0.587 * green + 0.114 * blue)).max() <= 1
@@ -60,14 +60,14 @@ def test_deep_images_are_scaled_by_the_bits_that_hold_them(tmp_path, bits):
     white = 2**bits - 1
     deep = np.linspace(0, white, 1200).round().astype(np.uint16).reshape(30, 40)
     picture, note = read_picture(saved(tmp_path, deep), CAMERA)
-    assert note == f"its {bits} bits are read as 8"
+    assert note == f"{bits} bits are read as 8"
     np.testing.assert_array_equal(picture, np.rint(deep * 255.0 / white))
     assert (picture.min(), picture.max()) == (0, 255)
 
 
 def test_a_dark_deep_image_keeps_its_levels(tmp_path):
     picture, note = read_picture(saved(tmp_path, GREY.astype(np.uint16)), CAMERA)
-    assert note == "its 8 bits are read as 8"
+    assert note == "8 bits are read as 8"
     np.testing.assert_array_equal(picture, GREY)
 
 
@@ -126,3 +126,22 @@ def test_a_missing_file(tmp_path):
     reason = _reason(tmp_path / "none.png")
     assert reason.startswith("file cannot be read as an image (")
     assert str(tmp_path) not in reason
+
+
+def test_what_a_file_holds_besides_is_said(tmp_path):
+    grey = Image.fromarray(GREY)
+    more = saved(
+        tmp_path, grey, "a.gif", save_all=True, append_images=[Image.fromarray(255 - GREY)]
+    )
+    picture, note = read_picture(more, CAMERA)
+    assert note.endswith("only the first of its pictures is read")
+    assert np.abs(picture.astype(int) - GREY).max() <= 2  # a palette's levels
+    turned = Image.Exif()
+    turned[274] = 6
+    picture, note = read_picture(saved(tmp_path, grey, "turned.png", exif=turned), CAMERA)
+    assert note == "it is not turned as its Exif tells viewers to"
+    np.testing.assert_array_equal(picture, GREY)
+    glass = Image.merge("LA", [grey, Image.fromarray(np.zeros_like(GREY))])
+    picture, note = read_picture(saved(tmp_path, glass, "glass.png"), CAMERA)
+    assert note == f"{COLOURED}; its transparency is left out"
+    np.testing.assert_array_equal(picture, GREY)

@@ -17,6 +17,8 @@ from sensorbook.camera.survey import (
     earth_errors,
     normalised_errors,
     off_axis,
+    printed,
+    shortened,
     survey,
     true_earth,
 )
@@ -208,9 +210,30 @@ def test_the_table(found):
         "",
     ]
     off, azimuth = np.degrees(off_axis(found.frames[2].earth_direction))
-    assert table.loc["one/c.png", "Earth [°]"].startswith(f"{off:.3f},\u00a0{azimuth:.1f} ±")
+    assert table.loc["one/c.png", "Earth [°]"].startswith(
+        f"{off:.3f},\u00a0{printed(azimuth, '.1f')} ±"
+    )
     assert table.loc["one/d.png", "error [°]"] == ""
     assert "error [°]" not in found.table(2).columns, "columns of nothing are left out"
+
+
+def test_long_names_keep_both_ends():
+    assert shortened("images/0001.png") == "images/0001.png"
+    name = shortened("a" * 200 + "/0001.png")
+    assert len(name) == 40
+    assert name.startswith("aaa")
+    assert name.endswith("a/0001.png")
+    assert "…" in name
+
+
+def test_numbers_as_printed():
+    assert printed(-12.345, ".1f") == "−12.3"
+    assert [printed(v, ".2g") for v in (0.0123, 12.3, 180.0, -1234.0)] == [
+        "0.012",
+        "12",
+        "180",
+        "−1234",
+    ]
 
 
 def test_gallery_has_every_reason_once_and_the_solved_evenly(tmp_path):

@@ -182,8 +182,8 @@ def test_every_bad_image_has_its_reason(bad):
     }  # fmt: skip
     page = bad.page(CHAPTER, "camera")
     assert "4 of 10 images give what their camera looks for." in page
-    assert "Of 1 image its 12 bits are read as 8 (deep.png)." in page
-    assert "Of 1 image its luminance is used (ITU-R BT.601) (colour.png)." in page
+    assert "Of 1 image: 12 bits are read as 8 (deep.png)." in page
+    assert "Of 1 image: colour is read as luminance (ITU-R BT.601) (colour.png)." in page
     assert (
         "2 of 10 images have no solution: Sun not in view, Earth not in view (black.png, white.png)."
         in page
@@ -374,7 +374,7 @@ def test_a_photograph_from_the_space_station(tmp_path, real_data):
     assert found["earth_angular_radius_deg"] == pytest.approx(69.8, abs=1.0)
     assert found["earth_angular_radius_std_deg"] < 1.0
     page = report.page(CHAPTER, "camera")
-    assert "colour is taken out: its luminance is used (ITU-R BT.601)" in page
+    assert "Before anything else: colour is read as luminance (ITU-R BT.601)" in page
     assert "Air many pixels deep has no sharp edge" in page
     assert any(caption.startswith("limb.jpg with the fitted limb.") for caption in figures(report))
     assert (report.folder / "camera" / f"{CHAPTER}.html").stat().st_size < 3_000_000

@@ -79,3 +79,11 @@ def test_two_ellipses():
     # A centre far out of the image is not gone after.
     assert (left, right, bottom, top) == (-640, 639.5, 359.5, -0.5)
     axes.figure.canvas.draw()
+
+
+def test_small_ellipses_are_shown_from_near():
+    whole = Ellipse(np.array([300.0, 200]), np.array([40.0, 30]), 0.0, np.zeros(6))
+    axes = plots.plot_half(np.zeros((360, 640), np.uint8), ONE, whole, whole.points(50), whole)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    assert 210 < left < 260 < 340 < right < 390
+    assert 110 < top < 170 < 230 < bottom < 290

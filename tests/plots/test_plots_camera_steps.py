@@ -1,5 +1,7 @@
 """Figures of an image's steps: what is drawn is what was found."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -144,6 +146,29 @@ def test_gallery(found):
     assert only.get_title().startswith("c$x_1$.png\nfile cannot be read as an image")
     assert only.images[0].get_array().max() == 0
     only.figure.canvas.draw()
+
+
+def test_a_small_earth_is_shown_enlarged(found):
+    frame = found.frames[0]
+    (axes,) = plots.plot_gallery([frame]).flat
+    assert axes.child_axes == []
+    to_earth = np.array([0.1, 0.05, 1.0]) / np.linalg.norm([0.1, 0.05, 1.0])
+    far = replace(frame.limb, direction=to_earth, angular_radius=np.radians(5.0))
+    (axes,) = plots.plot_gallery([replace(frame, limb=far)]).flat
+    (inset,) = axes.child_axes
+    assert not any(line.get_marker() == "X" for line in axes.lines), "it would hide the disc"
+    assert any(line.get_marker() == "X" for line in inset.lines)
+    x, y = frame.camera.project(to_earth)
+    radius = 184.75 * np.tan(np.radians(5.0))
+    assert inset.get_xlim() == pytest.approx((x - 1.3 * radius, x + 1.3 * radius), abs=2)
+    assert inset.get_ylim() == pytest.approx((y + 1.3 * radius, y - 1.3 * radius), abs=2)
+    axes.figure.canvas.draw()
+
+
+def test_reasons_take_two_lines(found):
+    status = "no solution: Sun not told from other bright spots, Earth not in view"
+    (axes,) = plots.plot_gallery([replace(found.frames[1], status=status)]).flat
+    assert axes.get_title() == "b.png\nSun not told from other bright\nspots, Earth not in view"
 
 
 def test_long_names_and_reasons_are_cut():

@@ -132,6 +132,10 @@ def test_reasons_are_counted_without_the_partner_s_name():
         ("Attitude, standard error of all axes", "0.075", "°"),
         ("Attitude, error", "0.06", "°"),
     ]
+    assert table["caption"].endswith("; mean of the errors against the true attitude")
+    blind = camera_table({"images": [SOLVED | {"error_deg": None}]})
+    assert blind["caption"].startswith("Medians of the standard errors: of a direction for each axis")
+    assert "true attitude" not in blind["caption"]
     many = [EMPTY | {"image": f"{k}", "status": f"no solution: reason {k}"} for k in range(30)]
     assert (
         len(camera_table({"images": many})["reasons"]),

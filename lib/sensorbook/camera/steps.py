@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from sensorbook.attitude import triad, two_vector
 from sensorbook.attitude.rotations import error_vector, matrix_from_quaternion
@@ -255,6 +256,17 @@ def around(limb: Limb, directions: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(right)
     right = limb.basis[0] if size < 1e-6 else right / size
     return np.arctan2(directions @ np.cross(limb.direction, right), directions @ right)
+
+
+def shared_residual(limb: Limb, beside: int = 15) -> float:
+    """Root mean square, pixels, of what so many neighbouring edges have in common of their residuals.
+
+    Residuals that are independent have 1/√beside of their own; ground, clouds and haze make waves of more.
+    """
+    used = np.flatnonzero(limb.used)
+    order = used[np.argsort(around(limb, limb.rays[used]), kind="stable")]
+    means = uniform_filter1d(limb.residuals[order], min(beside, len(order)), mode="nearest")
+    return float(np.sqrt(np.mean(means**2)))
 
 
 def best_edge(limb: Limb, camera: Camera) -> int:

@@ -18,6 +18,7 @@ from sensorbook.recordings.images import Images
 _KEPT = 60  # edge points of an image's limb that stay, to draw it small
 _SHOWN = 12  # images in a gallery
 _LISTED = 5  # names in an error
+_LONGEST = 40  # of a name in the table
 _COLUMNS = _EARTH, _RADIUS, _SUN, _ATTITUDE, _STD, _ERROR = (
     "Earth [°]",
     "radius [°]",
@@ -206,6 +207,16 @@ def earth_errors(found: Survey) -> dict[str, np.ndarray]:
     return dict(zip(("off_axis", "cone", "together", "chain"), table.T, strict=True))
 
 
+def printed(value: float, form: str) -> str:
+    """A number with a true minus, and without powers of ten where it is a hundred or more.
+
+    >>> printed(-0.123, ".2g"), printed(180.0, ".2g")
+    ('−0.12', '180')
+    """
+    text = f"{value:.0f}" if form.endswith("g") and abs(value) >= 100 else f"{value:{form}}"
+    return text.replace("-", "−") if "e" not in text else text
+
+
 def attitude_std(frame: Frame) -> float:
     """Standard error of the attitude as a whole, rad: of the size of its error vector."""
     return float(np.sqrt(np.trace(frame.covariance)))
@@ -234,7 +245,7 @@ def _row(frame: Frame) -> dict[str, str]:
     """An image as a row of text."""
     limb, sun, degrees = frame.limb, frame.sun, np.degrees
     row = dict.fromkeys(("image", "status", *_COLUMNS), "")
-    row |= {"image": frame.image, "status": frame.status.removeprefix("no solution: ")}
+    row |= {"image": shortened(frame.image), "status": frame.status.removeprefix("no solution: ")}
     if frame.earth_direction is not None:
         row[_EARTH] = f"{_place(frame.earth_direction)} ±\u00a0{degrees(frame.earth_std):.2g}"
         std = degrees(np.sqrt(limb.covariance[2, 2]))
@@ -242,18 +253,24 @@ def _row(frame: Frame) -> dict[str, str]:
     if sun is not None and sun.direction is not None:
         row[_SUN] = f"{_place(sun.direction)} ±\u00a0{degrees(sun.std):.2g}"
     if frame.matrix is not None:
-        x, y, z, w = (f"{q:.4f}" for q in quaternion_from_matrix(frame.matrix))
+        x, y, z, w = (printed(q, ".4f") for q in quaternion_from_matrix(frame.matrix))
         row[_ATTITUDE] = f"{x},\u00a0{y}, {z},\u00a0{w}"
         row[_STD] = f"{degrees(attitude_std(frame)):.2g}"
     if frame.error is not None:
         size = np.linalg.norm(frame.error)
-        row[_ERROR] = f"{degrees(size):.2g} ({size / attitude_std(frame):.1f}\u00a0×)"
+        row[_ERROR] = f"{printed(degrees(size), '.2g')} ({size / attitude_std(frame):.1f}\u00a0×)"
     return row
 
 
 def _place(direction: np.ndarray) -> str:
     away, azimuth = np.degrees(off_axis(direction))
-    return f"{away:.3f},\u00a0{azimuth:.1f}"
+    return f"{away:.3f},\u00a0{printed(azimuth, '.1f')}"
+
+
+def shortened(name: str, most: int = _LONGEST) -> str:
+    """A name of at most so many characters, its beginning and its end kept."""
+    half = most // 2
+    return name if len(name) <= most else f"{name[: half - 1]}…{name[-half:]}"
 
 
 def _by_chain(frame: Frame) -> np.ndarray | None:

@@ -137,11 +137,17 @@ def plot_half(
     ):
         axes.plot(*ellipse.points(720).T, color=colour, linestyle=line, linewidth=1.5, label=name)
         axes.plot(*ellipse.centre, mark, color=colour, mec="black", ms=8, label="its centre")
-    centres = np.stack([whole.centre, half.centre])
     size = np.array([camera.width, camera.height])
-    # A centre out of the image is shown, if it is not too far.
-    low = np.clip(np.minimum(centres.min(axis=0) - 40, -0.5), -size, -0.5)
-    high = np.clip(np.maximum(centres.max(axis=0) + 40, size - 0.5), size - 0.5, 2 * size)
+    drawn = np.concatenate([whole.points(90), half.points(90), points])
+    middle, wide = (drawn.max(axis=0) + drawn.min(axis=0)) / 2, np.ptp(drawn, axis=0).max()
+    if wide < 0.25 * camera.width:  # small: closer
+        reach = 0.6 * wide * np.array([1, camera.height / camera.width]).clip(0.75)
+        low, high = middle - reach, middle + reach
+    else:
+        # A centre out of the image is shown, if it is not too far.
+        centres = np.stack([whole.centre, half.centre])
+        low = np.clip(np.minimum(centres.min(axis=0) - 40, -0.5), -size, -0.5)
+        high = np.clip(np.maximum(centres.max(axis=0) + 40, size - 0.5), size - 0.5, 2 * size)
     axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel="x [px]", ylabel="y [px]")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5, fontsize=8, frameon=False)
     return axes

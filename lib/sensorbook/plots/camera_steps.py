@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import cv2
@@ -27,6 +28,7 @@ REJECTED = "#E69F00"
 _LEVELS = 4  # grey levels that are drawn as one: noise that no eye sees makes pages large
 _COLUMNS = 4  # pictures side by side
 _SMALL = 400  # columns of a picture as drawn there
+_TINY = 0.2  # of a picture's width: a limb that is drawn enlarged besides
 
 
 def few_levels(image: np.ndarray) -> np.ndarray:
@@ -199,7 +201,7 @@ def plot_gallery(frames: Sequence[Frame]) -> np.ndarray:
     rows = -(-len(frames) // columns)
     ratio = max(frame.camera.height / frame.camera.width for frame in frames)
     wide = WIDTH / _COLUMNS
-    height = rows * (wide * ratio + 0.42) + 0.35
+    height = rows * (wide * ratio + 0.54) + 0.35
     figure, grid_of = plt.subplots(
         rows, columns, figsize=(wide * columns, height), squeeze=False, layout="constrained"
     )
@@ -248,21 +250,55 @@ def _small(axes: Axes, frame: Frame) -> None:
     draw_picture(axes, image, camera, _SMALL)
     limb, sun = frame.limb, frame.sun
     if limb is not None and limb.direction is not None:
-        axes.plot(*limb.pixels[::2].T, "o", color=EDGE, ms=1.8, mew=0)
-        axes.plot(
-            *limb_curve(limb.direction, limb.angular_radius, camera).T, color=CURVE, linewidth=0.9
-        )
-        if camera.sees(limb.direction):
-            axes.plot(*camera.project(limb.direction), "X", color=EARTH, ms=6, mec="black", mew=0.5)
+        curve = limb_curve(limb.direction, limb.angular_radius, camera)
+        low, high = (np.nan_to_num(end(curve, axis=0)) for end in (np.nanmin, np.nanmax)) if (
+            np.isfinite(curve).any()
+        ) else (np.zeros(2), np.zeros(2))  # fmt: skip
+        _marked(axes, frame, curve)
+        if 0 < (high - low).max() < _TINY * camera.width:
+            _enlarged(axes, image, frame, curve, (low + high) / 2, 0.65 * (high - low).max())
     if sun is not None and sun.pixel is not None:
         axes.plot(*sun.pixel, "o", color=SUN, ms=5, mec="black", mew=0.6)
     axes.set(xticks=[], yticks=[])
     solved = frame.status == "ok"
-    reason = frame.status.removeprefix("no solution: ")
+    reason = textwrap.wrap(_cut(frame.status.removeprefix("no solution: "), 72), 36)
     axes.set_title(
-        f"{_cut(frame.image, 24)}\n{'ok' if solved else _cut(reason, 34)}",
+        "\n".join([_cut(frame.image, 30), *(["ok"] if solved else reason[:2])]),
         fontsize=7, color="black" if solved else "#A03000", parse_math=False,
     )  # fmt: skip
+
+
+def _marked(axes: Axes, frame: Frame, curve: np.ndarray, small: bool = True) -> None:
+    """The limb, its edge points, and the Earth's centre where it would not hide them."""
+    limb, camera = frame.limb, frame.camera
+    axes.plot(*limb.pixels[::2].T, "o", color=EDGE, ms=1.8, mew=0)
+    axes.plot(*curve.T, color=CURVE, linewidth=0.9)
+    wide = np.nanmax(np.ptp(curve[np.isfinite(curve[:, 0])], axis=0), initial=0.0)
+    if camera.sees(limb.direction) and (not small or wide > _TINY * camera.width):
+        axes.plot(*camera.project(limb.direction), "X", color=EARTH, ms=6, mec="black", mew=0.5)
+
+
+def _enlarged(
+    axes: Axes, image: np.ndarray, frame: Frame, curve: np.ndarray, middle: np.ndarray, reach: float
+) -> None:
+    """A small Earth in the corner that is farthest from it, its grey levels spread."""
+    camera = frame.camera
+    right, low = middle < np.array([camera.width, camera.height]) / 2
+    share = 0.62 * camera.height / camera.width, 0.62
+    inset = axes.inset_axes(
+        (0.99 - share[0] if right else 0.01, 0.01 if low else 0.99 - share[1], *share)
+    )
+    first = np.clip(np.floor(middle - reach).astype(int), 0, None)
+    x, y = np.clip(np.ceil(middle + reach).astype(int) + 1, None, [camera.width, camera.height])
+    part = image[first[1] : y, first[0] : x]
+    border = first[0] - 0.5, x - 0.5, y - 0.5, first[1] - 0.5
+    inset.imshow(few_levels(part), cmap="gray", vmin=0, vmax=max(int(part.max()), 1), extent=border)
+    _marked(inset, frame, curve, small=False)
+    inset.set_facecolor("#D8D8D8")  # beyond the image
+    inset.set(xlim=middle[0] + reach * np.array([-1, 1]), xticks=[], yticks=[])
+    inset.set_ylim(middle[1] + reach * np.array([1, -1]))
+    for side in inset.spines.values():
+        side.set_color("#B0B0B0")
 
 
 def draw_picture(axes: Axes, image: np.ndarray, camera: Camera, most: int = MOST_COLUMNS) -> None:
