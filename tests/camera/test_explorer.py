@@ -17,7 +17,7 @@ from sensorbook.camera.explorer import (
 )
 from sensorbook.camera.scene import EARTH_CAMERA, EARTH_RADIUS, HEIGHTS, SUN_DISTANCE
 from sensorbook.camera.study import LEAST_ARC, lit_limb_in_view
-from sensorbook.camera.visibility import looking_at_both
+from sensorbook.camera.visibility import looking_at_both, why_none
 
 
 def proposed(seed=None, **chosen):
@@ -168,13 +168,22 @@ def test_proposed_angles_show_both(orbit, place, cameras, seed):
     assert lit_limb_in_view(made.position, made.sun, to_camera, made.earth_camera) >= LEAST_ARC
 
 
-@pytest.mark.parametrize("place", [90, 95, 100, 102])
-def test_a_bright_earth_with_the_sun_near_its_limb_has_attitudes(place):
-    # The Sun is 9° to 2° above the limb: under Lambert's shading a crescent too thin to be seen.
+@pytest.mark.parametrize(("place", "goal"), [(90, 0.05), (95, 0.05), (100, 0.5), (102, 0.5)])
+def test_a_bright_earth_with_the_sun_near_its_limb_has_attitudes(place, goal):
+    # The Sun is 9° to 2° above the limb: under Lambert's shading a crescent too thin to be seen. The arc
+    # that faces the Sun shrinks to 40°, and tells less.
     seen = explore(proposed(place=np.radians(place), cameras=2))
     assert seen.status == "ok"
-    assert degrees(seen.error) < 0.05
+    assert degrees(seen.error) < goal
+    # 3 degrees of freedom: one in ten thousand is above 21.
+    assert seen.error @ np.linalg.solve(seen.found.covariance, seen.error) < 21
     assert looking_at_both(Settings(place=np.radians(place), cameras=2, look="lambert")) is None
+
+
+def test_both_found_and_no_attitude_is_told_why():
+    made = proposed(cameras=2)
+    found = replace(explore(made).found, matrix=None, status="no solution: both lie in one line")
+    assert why_none(made, found) == f"Both lie in one line. {TURN}"
 
 
 def test_proposals_by_seed_are_many():

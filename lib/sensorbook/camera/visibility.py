@@ -91,6 +91,9 @@ def why_none(settings: Settings, found: ImageAttitude) -> str:
         said.append(_no_sun(settings))
     if found.limb.status != "ok":
         said.append(_no_limb(settings))
+    if not said:  # both are found, and contradict each other or are in line
+        reason = found.status.removeprefix("no solution: ")
+        said.append(f"{reason[:1].upper()}{reason[1:].rstrip('.')}.")
     untold = all(_UNTOLD in one for one in said)
     said.append("Lower the noise, or turn the satellite." if untold else _what_to_do(settings))
     return " ".join(said)
