@@ -141,6 +141,14 @@ def test_all_coefficients_against_opencv(radial, bent, rational, r, turn):
     np.testing.assert_allclose(ray[:2] / ray[2], plane, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("small", [-1e-38, 5e-324, -1e-16])
+def test_next_to_no_distortion(small):
+    camera = Camera(1280, 720, 369.5, distortion=(0, 0, 0, 0, small))
+    pixels = [[0, 0], [639.5, 359.5], [1000, 100]]
+    # 1e-16 of the distance, at most 63° off.
+    np.testing.assert_allclose(camera.rays(pixels), WIDE.rays(pixels), rtol=0, atol=1e-13)
+
+
 def test_pixels_without_a_direction_have_none():
     """r(1 − 0.2 r²) goes no further than √(1/0.6)·2/3 = 0.861, 258 px here."""
     camera = Camera(1000, 800, 300.0, distortion=(-0.2,))

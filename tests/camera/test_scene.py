@@ -198,15 +198,118 @@ def test_the_mounting_turns_the_camera():
     )
 
 
+def test_the_image_is_dark_where_the_camera_has_no_direction():
+    """r(1 − 0.2 r²) goes to 0.861 and turns back: 103 of 120 px. The Earth fills what is left."""
+    camera = Camera(301, 241, 120.0, distortion=(-0.2,))
+    top = 120 * np.sqrt(1 / 0.6) * 2 / 3
+    x, y = np.meshgrid(np.arange(301) - 150, np.arange(241) - 120)
+    near = np.array([0, 0, EARTH_RADIUS + 100e3])  # 80° to the limb
+    for scene in (
+        Scene(near, AWAY, noise=0),
+        Scene(near, AWAY, haze=8e3, texture=np.ones((4, 8)), noise=0),
+    ):
+        image = shot(scene, looking(-near), camera)
+        known = np.hypot(x, y) < top
+        np.testing.assert_array_equal(image, np.where(known, GROUND, 0))
+    half = shot(Scene(PLACE, AWAY, noise=0, blur=1.5), looking(-PLACE, off=(50, 0)), camera)
+    assert half.max() == pytest.approx(GROUND, abs=1)
+    assert half[0, 0] == 0
+
+
+def test_a_blurred_limb_is_its_sharp_one_smoothed():
+    """Across a straight enough edge a Gaussian leaves its own integral: 16 and 84 % one σ to each side."""
+    attitude = looking(-PLACE, 3)
+    sharp, soft = (
+        shot(Scene(PLACE, AWAY, noise=0, blur=blur), attitude, WIDE) for blur in (0.0, 3.0)
+    )
+    middle = WIDE.project(attitude @ -AWAY)
+    x, y = np.meshgrid(np.arange(1280), np.arange(720))
+    far = np.hypot(x - middle[0], y - middle[1])
+    limb = np.sqrt((sharp > GROUND / 2).sum() / np.pi)  # on the axis its image is a circle
+    for off, part in ((-3.0, 0.841), (0.0, 0.5), (3.0, 0.159), (9.0, 0.001)):
+        there = np.abs(far - limb - off) < 0.5
+        # A ring of a pixel's width; the edge is bent by σ/r = 2 %, and DN are whole.
+        assert soft[there].mean() / GROUND == pytest.approx(part, abs=0.02)
+    assert soft.sum() == pytest.approx(sharp.sum(), rel=1e-3)
+
+
+def test_light_from_beside_the_image_comes_in():
+    """A ground that goes on beyond the edge is not darker there; a Sun just outside shines in."""
+    near = np.array([0, 0, EARTH_RADIUS + 100e3])
+    image = shot(Scene(near, AWAY, noise=0, blur=4.0), looking(-near))
+    assert (image == GROUND).all()
+    attitude = looking(AWAY, 5)
+    outside = CAMERA.rays([-6.0, 150.0])
+    scene = {"noise": 0, "sun_level": 5 * 255.0}
+    dark, glow = (
+        shot(Scene(PLACE, outside @ attitude, blur=blur, **scene), attitude) for blur in (0.0, 4.0)
+    )
+    assert dark[150, 0] == 0
+    area = np.pi * (200 * SUN_RADIUS / SUN_DISTANCE) ** 2 / outside[2] ** 3
+    expected = 5 * 255 * area / (2 * np.pi * 4.0**2) * np.exp(-(6**2) / (2 * 4.0**2))
+    assert glow[150, 0] == pytest.approx(expected, rel=0.05)  # 33 DN, whole ones
+
+
+def test_a_real_sun_blooms():
+    """Light of a point: level · area/(2πσ²) · exp(−r²/2σ²) reaches 255 where r² = 2σ² ln(level·…/255)."""
+    attitude = looking(AWAY, 8)
+    level, blur = 1e5 * GROUND, 1.5
+    image = shot(Scene(PLACE, AWAY, noise=0, blur=blur, sun_level=level), attitude, WIDE)
+    area = np.pi * (369.5 * SUN_RADIUS / SUN_DISTANCE) ** 2
+    reach = blur * np.sqrt(2 * np.log(level * area / (2 * np.pi * blur**2) / 254.5))
+    saturated = np.sqrt((image == 255).sum() / np.pi)
+    # The disc's own radius, 1.7 px, adds its variance of r²/4 to σ² on the way: 15 % of the reach.
+    wider = reach * np.sqrt(1 + area / np.pi / 4 / blur**2)
+    assert saturated == pytest.approx(wider, abs=0.3)
+    assert saturated > 4 * np.sqrt(area / np.pi)
+    plain = shot(Scene(PLACE, AWAY, noise=0, blur=blur), attitude, WIDE)
+    assert 0 < plain.max() < 255
+
+
 @pytest.mark.parametrize("part", [0.0, 0.5, 0.999])
 def test_a_place_inside_the_earth(part):
     with pytest.raises(ValueError, match="position is inside the Earth: give metres"):
         Scene(np.array([0, 0, part * WGS84[2]]), AWAY, WGS84)
 
 
-def test_a_place_that_is_no_number():
-    with pytest.raises(ValueError, match="position is inside the Earth"):
-        Scene(np.array([np.nan, 0, 0]), AWAY)
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"position": [np.nan, 0, 0]}, r"position is \[nan, 0, 0\]: give x, y and z in metres"),
+        ({"position": [9e6, 9e6]}, r"position is \[9000000.0, 9000000.0\]: give x, y and z"),
+        ({"position": "geo"}, "position is geo: give x, y and z"),
+        ({"sun": [np.nan, 0, 1]}, r"sun is \[nan, 0, 1\]: give a unit vector"),
+        ({"sun": None}, "sun is None: give a unit vector"),
+        ({"sun": [0, 0, 0]}, "sun is no unit vector, its length 0: divide by it"),
+        ({"sun": 5 * AWAY}, "sun is no unit vector, its length 5: divide by it"),
+        ({"semi_axes": (6.4e6, 6.4e6, -6.4e6)}, r"semi_axes are \(.*-6400000.0\): give three lengths"),
+        ({"semi_axes": (6.4e6, 0, 6.4e6)}, "semi_axes are .*: give three lengths in metres, above 0"),
+        ({"semi_axes": 6.4e6}, "semi_axes are 6400000.0: give three lengths"),
+        ({"semi_axes": (6.4e6, 6.4e6, np.nan)}, "semi_axes are .*nan"),
+        ({"haze": -1.0}, "haze is -1.0: give metres, 0 or more"),
+        ({"haze": np.nan}, "haze is nan: give metres, 0 or more"),
+        ({"noise": -2.0}, "noise is -2.0: give DN, 0 or more"),
+        ({"noise": np.inf}, "noise is inf: give DN, 0 or more"),
+        ({"blur": -0.1}, "blur is -0.1: give pixels, 0 or more"),
+        ({"blur": "2"}, "blur is 2: give pixels, 0 or more"),
+        ({"sun_level": np.nan}, "sun_level is nan: give DN, 0 or more"),
+        ({"texture": np.full((4, 8), np.nan)}, r"texture of shape \(4, 8\): give rows and columns"),
+        ({"texture": np.ones((4, 8, 3))}, r"texture of shape \(4, 8, 3\): .* brightness, 0 to 1"),
+        ({"texture": np.full((4, 8), 255)}, r"texture of shape \(4, 8\)"),
+        ({"texture": np.ones((0, 8))}, r"texture of shape \(0, 8\)"),
+    ],
+)  # fmt: skip
+def test_scenes_that_make_no_sense(changed, message):
+    with pytest.raises(ValueError, match=message):
+        Scene(**({"position": PLACE, "sun": AWAY} | changed))
+
+
+@pytest.mark.parametrize(
+    "attitude", [2 * np.eye(3), np.diag([1.0, 1, -1]), np.eye(2), np.full((3, 3), np.nan), None]
+)
+def test_attitudes_that_are_none(attitude):
+    with pytest.raises(ValueError, match="attitude is no rotation: give 3 × 3 numbers, its rows"):
+        render(CAMERA, Scene(PLACE, AWAY), attitude, np.random.default_rng(1))
 
 
 def test_light_that_is_none():

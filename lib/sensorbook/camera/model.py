@@ -55,11 +55,11 @@ class Camera:
             raise ValueError(f"image of {self.width} × {self.height}: give pixels, 1 or more")
         if not (isinstance(self.focal_px, Real) and 0 < self.focal_px < np.inf):
             raise ValueError(f"focal_px is {self.focal_px!r}: give pixels, above 0")
-        if self.principal_point is not None and not _finite(self.principal_point, (2,)):
+        if self.principal_point is not None and not finite(self.principal_point, (2,)):
             raise ValueError(f"principal_point is {self.principal_point}: give x and y in pixels")
-        if not any(_finite(self.distortion, (count,)) for count in range(9)):
+        if not any(finite(self.distortion, (count,)) for count in range(9)):
             raise ValueError(f"distortion is {self.distortion!r}: give up to 8 numbers")
-        if not _finite(self.to_body, (3, 3)):
+        if not finite(self.to_body, (3, 3)):
             raise ValueError(
                 "to_body is no rotation: give 3 × 3 numbers, its rows unit vectors at right angles"
             )
@@ -226,12 +226,16 @@ class Camera:
         last = np.sqrt(self._turns_back)
         nodes = np.sinh(np.linspace(0, np.arcsinh(min(last, 1e9)), _NODES))
         if np.isfinite(last):
-            nodes = np.append(nodes[nodes < last], last * (1 - 1e-12))
+            nodes[-1] = last * (1 - 1e-12)
         radial = Camera(
             1, 1, 1.0, distortion=(*self._coefficients[:2], 0, 0, *self._coefficients[4:])
         )
         with np.errstate(all="ignore"):
             reached = radial._distorted(np.stack([nodes, 0 * nodes], axis=-1))[0][:, 0]
+            # Coefficients near to nothing turn back where their roots are lost to rounding.
+            ends = np.flatnonzero(~(np.diff(reached) > 0))
+        if len(ends):
+            nodes, reached = nodes[: ends[0] + 1], reached[: ends[0] + 1]
         return nodes, reached
 
     @cached_property
@@ -280,7 +284,7 @@ class Camera:
         return given
 
 
-def _finite(value: object, shape: tuple[int, ...]) -> bool:
+def finite(value: object, shape: tuple[int, ...]) -> bool:
     """Whether these are finite numbers in this shape."""
     try:
         numbers = np.asarray(value)

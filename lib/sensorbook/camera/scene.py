@@ -6,12 +6,12 @@ ellipsoid, how the ground there is lit, and which part of a pixel is covered.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from sensorbook.camera.model import Camera
+from sensorbook.camera.model import Camera, finite
 from sensorbook.earth import EQUATOR_RADIUS, POLE_RADIUS
 
 EARTH_RADIUS = 6371e3  # m, C's sphere (table 4.1)
@@ -26,6 +26,8 @@ EARTH_CAMERA = np.array(
     [[0.5001, 0, -0.8660], [-0.2560, 0.9553, -0.1478], [0.8273, 0.2956, 0.4777]]
 )
 
+_UNIT = 1e-6  # the Sun's disc ends where a cosine is 1e-5 below 1
+_REACH = 8  # standard deviations of the blur: a Sun of 1e7 DN is below one from 6 on
 _PARTS = 6  # samples across a pixel, where it is cut by an edge
 
 
@@ -42,6 +44,8 @@ class Scene:
     haze : m, height over which the air's brightness falls by e; 0 for no air
     texture : (rows, columns) brightness 0 to 1 by latitude (north first) and longitude, or None
     noise : DN, standard deviation of a pixel
+    blur : pixels, standard deviation of the optics' point spread, a Gaussian; 0 for none
+    sun_level : DN, the Sun's brightness before the image saturates; the real one is 1e5 times the ground's
     """
 
     position: np.ndarray
@@ -51,19 +55,71 @@ class Scene:
     haze: float = 0.0
     texture: np.ndarray | None = None
     noise: float = 2.0
+    blur: float = 0.0
+    sun_level: float = SUN
 
     def __post_init__(self) -> None:
         if self.lit not in ("full", "lambert"):
             raise ValueError(f'lit is {self.lit!r}: give "full" or "lambert"')
+        for name, unit in (("position", "x, y and z in metres"), ("sun", "a unit vector")):
+            if not finite(getattr(self, name), (3,)):
+                raise ValueError(f"{name} is {getattr(self, name)}: give {unit}")
+        length = np.linalg.norm(self.sun)
+        if not abs(length - 1) < _UNIT:
+            raise ValueError(f"sun is no unit vector, its length {length:.4g}: divide by it")
+        if not finite(self.semi_axes, (3,)) or not np.min(self.semi_axes) > 0:
+            raise ValueError(
+                f"semi_axes are {self.semi_axes}: give three lengths in metres, above 0"
+            )
         if not np.linalg.norm(np.asarray(self.position) / np.asarray(self.semi_axes)) > 1:
             raise ValueError("position is inside the Earth: give metres from its centre")
+        for name, unit in (
+            ("haze", "metres"),
+            ("noise", "DN"),
+            ("blur", "pixels"),
+            ("sun_level", "DN"),
+        ):
+            value = getattr(self, name)
+            if not finite(value, ()) or value < 0:
+                raise ValueError(f"{name} is {value}: give {unit}, 0 or more")
+        painting = self.texture
+        if painting is not None and (
+            np.ndim(painting) != 2
+            or not finite(painting, np.shape(painting))
+            or not np.size(painting)
+            or not (np.min(painting) >= 0 and np.max(painting) <= 1)
+        ):
+            raise ValueError(
+                f"texture of shape {np.shape(painting)}: give rows and columns of brightness, 0 to 1"
+            )
 
 
 def render(
     camera: Camera, scene: Scene, attitude: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """The image (height, width), uint8, of a camera on a body with `attitude` (3, 3), body from inertial."""
-    to_inertial = np.asarray(attitude).T @ camera.to_body
+    """The image (height, width), uint8, of a camera on a body with `attitude` (3, 3), body from inertial.
+
+    Pixels that the camera has no direction for are dark.
+    """
+    turn = np.asarray(attitude)
+    if (
+        not finite(turn, (3, 3))
+        or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=_UNIT)
+        or np.linalg.det(turn) < 0
+    ):
+        raise ValueError(
+            "attitude is no rotation: give 3 × 3 numbers, its rows right-handed unit vectors at right angles"
+        )
+    to_inertial = turn.T @ camera.to_body
+    # With a blur, what lies beside the image spreads light into it.
+    pad = int(np.ceil(_REACH * scene.blur))
+    if pad:
+        camera = replace(
+            camera,
+            width=camera.width + 2 * pad,
+            height=camera.height + 2 * pad,
+            principal_point=tuple(camera.centre + pad),
+        )
     rays = camera.grid @ to_inertial.T
     bright, edge = _brightness(scene, rays, 1.5 / camera.focal_px)
     rows, columns = np.nonzero(edge)
@@ -75,6 +131,8 @@ def render(
         )
         inside, _ = _brightness(scene, camera.rays(parts) @ to_inertial.T, 0.0)
         bright[rows, columns] = inside.mean(axis=-1)
+    if pad:
+        bright = gaussian_filter(bright, scene.blur, truncate=_REACH)[pad:-pad, pad:-pad]
     noisy = bright + scene.noise * rng.normal(size=bright.shape)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
@@ -124,7 +182,9 @@ def _brightness(scene: Scene, rays: np.ndarray, near: float) -> tuple[np.ndarray
     from_sun = np.arccos(np.clip(toward[shining][..., 1], -1, 1))
     hidden = np.zeros(earth.shape, dtype=bool)
     hidden[earth] = hit
-    bright[shining] = np.where((from_sun < size) & ~hidden[shining], SUN, bright[shining])
+    bright[shining] = np.where(
+        (from_sun < size) & ~hidden[shining], scene.sun_level, bright[shining]
+    )
     edge[shining] |= np.abs(from_sun - size) < near
     return bright, edge
 
