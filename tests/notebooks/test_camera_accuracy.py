@@ -1,10 +1,13 @@
 """The chapter on the camera's accuracy: its numbers, and sentences that follow its parameters."""
 
+import nbformat
 import numpy as np
 import pytest
 from devices import ended, read_chapter
 
 from sensorbook.camera.study import PRINTED
+from sensorbook.errors import InputError
+from sensorbook.reporting import chapters
 
 
 @pytest.fixture(scope="module")
@@ -126,12 +129,6 @@ def test_another_seed_other_pictures(read, few):
 @pytest.mark.parametrize(
     ("parameters", "reason"),
     [
-        (
-            {"orbits": "leo"},
-            "orbits: is 'leo' — give a list of one or more of leo, meo, geo",
-        ),
-        ({"seed": 1.5}, "seed: seed is 1.5 — give a whole number, 0 to"),
-        ({"frames": 20.5}, "frames: number of pictures is 20.5 — give a whole number, 2 to"),
         ({"orbits": ["heo"]}, "orbits: is 'heo' — give one of leo, meo, geo"),
         ({"orbits": []}, "orbits: number of orbits is 0 — give 1 to 3"),
         ({"frames": 1}, "frames: number of pictures is 1 — give a whole number, 2 to 1000"),
@@ -142,3 +139,23 @@ def test_nonsense_is_named(tmp_path, parameters, reason):
     status, found = ended("camera_accuracy", tmp_path, **parameters)
     assert status == "failed"
     assert reason in found
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("orbits = 'leo'", "orbits: is 'leo' — give a list of one or more of leo, meo, geo"),
+        ("seed = 1.5", "seed: seed is 1.5 — give a whole number, 0 to"),
+        ("frames = 20.5", "frames: number of pictures is 20.5 — give a whole number, 2 to 1000"),
+    ],
+)
+def test_another_kind_of_value_typed_in_jupyter(line, reason):
+    chapter = next(c for c in chapters.CHAPTERS if c.slug == "camera_accuracy")
+    book = nbformat.read(chapter.notebook, as_version=4)
+    parameters, checking = [c.source for c in book.cells if c.cell_type == "code"][:2]
+    names = {}
+    exec(f"{parameters}\n{line}", names)
+    with pytest.raises(InputError) as caught:
+        exec(checking, names)
+    (said,) = str(caught.value).splitlines()
+    assert reason in said
