@@ -22,7 +22,7 @@ from sensorbook.attitude.rotations import error_vector
 from sensorbook.camera.model import Camera
 from sensorbook.camera.star_identify import LEAST, identify
 from sensorbook.camera.star_scene import OPTICS, Optics, made_up_sky, render_stars
-from sensorbook.camera.star_study import WRONG
+from sensorbook.camera.star_study import WRONG, shifted, study
 from sensorbook.camera.stars import StarTable, attitude_from_stars
 
 ARCSEC = 3600 * 180 / np.pi
@@ -31,6 +31,18 @@ CAMERAS = {
     "20°": (20, 512, 5.5, OPTICS.electrons),
     "14°": (14, 1024, 6.0, OPTICS.electrons),
     "6°": (6, 1024, 7.0, 1.5e6),
+}
+FOCAL = 4170.0  # pixels: 14° across 1024
+# What is wrong, by how much the catalogue is off and is said to be, arcseconds.
+FAULTS = {
+    "nothing": (Camera(1024, 1024, FOCAL), 0, 0.1),
+    "focal length 0.02 % long": (Camera(1024, 1024, FOCAL / 1.0002), 0, 0.1),
+    "focal length 0.1 % long": (Camera(1024, 1024, FOCAL / 1.001), 0, 0.1),
+    "distortion k1 = −0.05 left out": (Camera(1024, 1024, FOCAL, distortion=(-0.05, 0)), 0, 0.1),
+    "catalogue errors 2″ left out": (Camera(1024, 1024, FOCAL), 2, 0.1),
+    "catalogue errors 20″ left out": (Camera(1024, 1024, FOCAL), 20, 0.1),
+    "catalogue errors 2″ stated": (Camera(1024, 1024, FOCAL), 2, 2),
+    "catalogue errors 20″ stated": (Camera(1024, 1024, FOCAL), 20, 20),
 }
 STARS = 6  # from which on nearly every image should be solved
 
@@ -44,6 +56,8 @@ def main() -> None:
     for name, camera in CAMERAS.items():
         images(name, *camera, options.images, np.random.default_rng(options.seed))
     false_alone(10 * options.images, np.random.default_rng(options.seed))
+    for fault, (lens, off, stated) in FAULTS.items():
+        faults(fault, lens, off, stated, max(options.images * 2 // 5, 1), options.seed)
 
 
 def images(name, field, pixels, limit, electrons, count, rng) -> None:
@@ -102,6 +116,22 @@ def false_alone(count, rng) -> None:
         f"false stars alone: {accepted} of {count} fields solved (goal 0), "
         f"{1e3 * np.median(took):.0f} ms a field"
     )
+
+
+def faults(name, lens, off, stated, count, seed) -> None:
+    """What the stars show of a lens or a catalogue that is wrong goes into the covariance, or stops it."""
+    rng = np.random.default_rng(seed)
+    sky, camera = made_up_sky(7.0, rng), Camera(1024, 1024, FOCAL)
+    catalogue = shifted(sky.brighter(6.0).directions, off, rng)
+    found = study(camera, sky, StarTable.of(catalogue, camera, stated), count, seed, taken_by=lens)
+    solved = found.solved.sum()
+    figures = (
+        f", squared error over covariance {found.normalised.mean():.1f} (goal below 10), "
+        f"misfit {found.misfit.mean():.1f}"
+        if solved
+        else ""
+    )
+    print(f"{name}: solved {solved} of {count}, wrong {found.wrong} (goal 0){figures}")
 
 
 if __name__ == "__main__":
