@@ -279,3 +279,9 @@ def test_near_the_lock_the_angles_are_said_to_be_weak():
     seen = explore(Settings(angles=(0.1, np.radians(60), 0.2)))
     assert not seen.locked
     assert "pitch" not in seen._repr_html_().replace("<th>pitch [°]</th>", "")
+
+
+def test_the_shown_table_has_three_places_and_true_minus_signs():
+    shown = explore(Settings(angles=(-0.1, 0.2, 0.3)))._repr_html_()
+    assert "<td>−5.730</td>" in shown
+    assert ">-" not in shown

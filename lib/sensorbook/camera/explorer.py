@@ -215,7 +215,9 @@ class Exploration:
         said += [f"Work C's chain: {self.chain_status}"] if self.chain_status != "ok" else []
         said += [self.chain_doubt] if self.chain_doubt else []
         said += [LOCKED] if self.locked else []
-        table = self.to_frame().to_html(border=0, na_rep="–")
+        table = self.to_frame().to_html(
+            border=0, na_rep="–", float_format=lambda v: f"{v:.3f}".replace("-", "−")
+        )
         return table + "".join(f"<p>{html.escape(one)}</p>" for one in said)
 
 
