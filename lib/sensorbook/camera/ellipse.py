@@ -279,6 +279,27 @@ class _Barrier:
         square = even @ even
         return factor * square, factor * (2 * even @ self.turn - square * by_discriminant)
 
+    def bend(self, k: np.ndarray) -> np.ndarray:
+        """(6, 6), the residual times its second derivatives by k of `_factored`.
+
+        Squared it grows as the inverse fourth power of l₂₂, whose curvature is 2½ times that of the slopes
+        alone: without this the steps overshoot wherever the barrier holds.
+        """
+        conic, slopes = _conic(k), _conic_slopes(k)
+        a, b, c, *_ = conic
+        own, by_conic = self.residual(conic)
+        even = self.turn @ conic
+        square = even @ even
+        relative = 2 * even @ self.turn / square  # slope of ln ‖a‖²
+        steep = np.array([4 * c, -2 * b, 4 * a, 0, 0, 0]) / (4 * a * c - b * b)
+        second = 2 * self.turn.T @ self.turn / square + 2 * np.outer(steep, steep)
+        second -= np.outer(relative, steep) + np.outer(steep, relative)
+        second[:3, :3] -= np.array([[0, 0, 4], [0, -2, 0], [4, 0, 0]]) / (4 * a * c - b * b)
+        bend = own * slopes.T @ second @ slopes
+        by_a, by_b, by_c = by_conic[:3]
+        bend[:3, :3] += 2 * np.array([[by_a, by_b, 0], [by_b, by_c, 0], [0, 0, by_c]])
+        return own * bend
+
 
 @np.errstate(all="ignore")  # of a step too far: a sum that is not finite is no improvement
 def _refined(z: np.ndarray, scale: np.ndarray, conic: np.ndarray, barrier: _Barrier) -> np.ndarray:
@@ -299,7 +320,7 @@ def _refined(z: np.ndarray, scale: np.ndarray, conic: np.ndarray, barrier: _Barr
         jacobian = slopes @ _conic_slopes(k)
         # Nothing changes along k's own scale, which is held.
         fixed = k * [1, 1, 1, 2, 2, 2]
-        normal = jacobian.T @ jacobian
+        normal = jacobian.T @ jacobian + barrier.bend(k)
         normal += np.outer(fixed, fixed) * (np.trace(normal) / (fixed @ fixed))
         # The floor is for l₂₂ = 0, a parabola, where its column is empty.
         weights = np.diag(np.diag(normal) + 1e-9 * np.trace(normal))
