@@ -66,6 +66,7 @@ def test_ambiguity_counts_the_catalogue_s_pairs(seen):
     expected = inside.sum() * 10 / 3600 / (edges[middle + 1] - edges[middle])
     assert values[middle] == pytest.approx(expected, rel=1e-6)
     assert [bar.get_height() for bar in right.patches] == [40.0, 1e-4]
+    assert {"40", r"$1.0\times10^{-4}$"} <= {text.get_text() for text in right.texts}
     assert right.get_yscale() == "log"
 
 

@@ -78,9 +78,7 @@ def plot_ambiguity(
     bars = axes[1].bar(
         list(expected), values, color=[COLOURS["x"], SECOND, COLOURS["z"]], width=0.6
     )
-    axes[1].bar_label(
-        bars, [f"{v:.0f}" if v >= 1 else f"{v:.1e}" for v in values], fontsize=8, padding=2
-    )
+    axes[1].bar_label(bars, [_number(v) for v in values], fontsize=8, padding=2)
     axes[1].set_yscale("log")
     axes[1].set_ylim(min(values) / 5, max(values) * 20)
     axes[1].axhline(1, color=GREY, linestyle="--", linewidth=1)
@@ -207,6 +205,14 @@ def plot_share(
     labelled(axes, "faintest magnitude in the catalogue", "share of attitudes [%]")
     axes.legend(frameon=False)
     return axes
+
+
+def _number(value: float) -> str:
+    """A count, or what is far below one in powers of ten."""
+    if value >= 0.1:
+        return f"{value:,.0f}" if value >= 1 else f"{value:.1f}"
+    digits, power = f"{value:.1e}".split("e")
+    return rf"${digits}\times10^{{{int(power)}}}$"
 
 
 def _image(image: np.ndarray, axes: Axes | None) -> Axes:
