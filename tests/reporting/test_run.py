@@ -290,9 +290,10 @@ def test_a_declaration_that_is_no_toml_keeps_the_earlier_report_and_says_so(quic
     assert (out / "dev-1" / "gyroscope" / "allan.html").exists()
     page = done.text("dev-1", "index.html")
     assert told in page
-    assert "It could not be read now: what stands below is of " in page
+    assert "It could not be read now: what stands below is of an earlier run, on " in page
     row = done.text("index.html")
     assert "✗ failed" in row
+    assert f"dev-1</a>: {told}" in row
     file.write_text(file.read_text().removeprefix("name = = 3\n"))
     done = run([device], out)
     assert results(done)["problems"] == []

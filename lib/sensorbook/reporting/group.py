@@ -232,6 +232,7 @@ def _take_check(row: Row, check: dict[str, Any]) -> None:
 
 def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
     """Why a device needs attention, in words."""
+    yield from (str(problem) for problem in found["problems"][:3])
     for (sensor, quantity), value in row.values.items():
         if value.verdict in ("fail", "undecided"):
             name, unit = judged_name(sensor, quantity), units.field_unit(sensor, quantity)[0]
@@ -240,7 +241,6 @@ def _reasons(row: Row, found: dict[str, Any]) -> Iterable[str]:
             number = "no result" if math.isnan(value.number) else digits(value.number)
             yield (f"{word}{sensor} {name[0].lower()}{name[1:]}{where} {number}, "
                    f"limit {value.bound} {unit}".removesuffix(" 1"))  # fmt: skip
-    yield from (str(problem) for problem in found["problems"][:3])
     for status in ("failed", "refused"):
         for chapter in [c for c in found["chapters"] if c["status"] == status][:2]:
             reason = (str(chapter.get("reason") or "").splitlines() or [""])[0]
