@@ -145,7 +145,9 @@ def test_a_bad_image_has_its_reason(tmp_path, kind, posed):
 
 def test_a_small_disc_is_no_earth_where_the_place_is_known(tmp_path):
     frame = one_image(tmp_path, moon(), [taken(0)[0].row("a.png")])
-    assert frame.status == "no solution: Sun not in view, no limb among the edges"
+    assert frame.status == (
+        "no solution: Sun not in view, disc of 2.9° radius, not the Earth's of 49.7° that the position gives"
+    )
     assert frame.earth_direction is None
 
 

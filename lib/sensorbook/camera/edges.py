@@ -28,6 +28,8 @@ _ROOT = np.array(
     [trapezoid(2 * _FINE**2 * np.exp(-0.5 * (t - _FINE**2) ** 2), _FINE) for t in _TABLE]
 ) / np.sqrt(2 * np.pi)
 _ROOT_SLOPE = np.gradient(_ROOT, _TABLE)
+_LENSES = (0.0, 0.5, 0.8, 1.1, 1.5)  # pixels, point spreads tried
+_LENS_PROFILES = 60  # that choose one
 _LEAST_SIGMA = 0.03  # pixels: of an edge between square pixels
 MOST_POINTS = 1500  # of the fit; more share their noise
 _MOST_SAMPLES = 30_000  # OpenCV's remap takes 32 767 rows
@@ -128,10 +130,48 @@ def placed(image: np.ndarray, edges: Edges, grain: float, together: int = 1) -> 
     beyond = np.arange(len(along)) > values.argmax(axis=-1)[:, None] + 1
     seen = ~(thin[:, None] & beyond)
     values = values * seen
+    place, model, heights, size = _profiles(values, seen, along, _lens(values, seen, along))
+    grain = grain / (2 * np.sqrt(np.pi) * _PROFILE_BLUR) / np.sqrt(together)
+    # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
+    # ground's own pattern is in it.
+    misfit = np.maximum(((values - model) ** 2).sum(axis=-1) / seen.sum(axis=-1) / grain**2, 1.0)
+    sigma = np.hypot(
+        _LEAST_SIGMA, grain * np.sqrt(misfit * _PROFILE_BLUR * 3.5 / np.maximum(size, 1e-9))
+    )
+    # A thin crescent is dark again at the profile's end.
+    rise = model.max(axis=-1) - heights[:, 0]
+    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > _RISE * grain)
+    return Edges(
+        edges.pixels[good] + place[good, None] * edges.inward[good], edges.inward[good], sigma[good]
+    )
+
+
+def _lens(values: np.ndarray, seen: np.ndarray, along: np.ndarray) -> float:
+    """Point spread of the lens, pixels, that profiles (N, M) are fitted best with, of a few."""
+    # The steepest ones tell it.
+    rise = np.ptp(values, axis=1)
+    chosen = np.argsort(-rise, kind="stable")[: max(len(rise) // 2, min(len(rise), 20))]
+    chosen = chosen[:: max(len(chosen) // _LENS_PROFILES, 1)]
+    misfits = [
+        np.median(((values[chosen] - model) ** 2).sum(axis=-1))
+        for _, model, _, _ in (
+            _profiles(values[chosen], seen[chosen], along, lens) for lens in _LENSES
+        )
+    ]
+    best = int(np.clip(np.argmin(misfits), 1, len(_LENSES) - 2))
+    near = slice(best - 1, best + 2)
+    bend, slope, _ = np.polyfit(_LENSES[near], misfits[near], 2)
+    if bend <= 0:
+        return _LENSES[int(np.argmin(misfits))]
+    found = -slope / (2 * bend)
+    return float(min(found, _LENSES[-1])) if found > _LENSES[1] / 2 else 0.0
+
+
+def _profiles(values: np.ndarray, seen: np.ndarray, along: np.ndarray, lens: float):
+    """Places (N,) along profiles (N, M), the fitted profiles, their heights (N, 3), and slopes squared."""
+    # The smoothing's, the lens's, a pixel's own, and that of the interpolation.
+    spread = np.sqrt(_PROFILE_BLUR**2 + lens**2 + 1 / 12 + 1 / 6)
     place = np.zeros(len(values))
-    spread = np.sqrt(
-        _PROFILE_BLUR**2 + 1 / 12 + 1 / 6
-    )  # a pixel's own width, and that of interpolation
     for _ in range(8):
         u = (along - place[:, None]) / spread
         step, root = ndtr(u), np.interp(u, _TABLE, _ROOT)
@@ -151,19 +191,7 @@ def placed(image: np.ndarray, edges: Edges, grain: float, together: int = 1) -> 
         place = place + np.clip(
             (left * (values - model)).sum(axis=-1) / np.maximum(size, 1e-9), -0.5, 0.5
         )
-    grain = grain / (2 * np.sqrt(np.pi) * _PROFILE_BLUR) / np.sqrt(together)
-    # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
-    # ground's own pattern is in it.
-    misfit = np.maximum(((values - model) ** 2).sum(axis=-1) / seen.sum(axis=-1) / grain**2, 1.0)
-    sigma = np.hypot(
-        _LEAST_SIGMA, grain * np.sqrt(misfit * _PROFILE_BLUR * 3.5 / np.maximum(size, 1e-9))
-    )
-    # A thin crescent is dark again at the profile's end.
-    rise = model.max(axis=-1) - heights[:, 0]
-    good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > _RISE * grain)
-    return Edges(
-        edges.pixels[good] + place[good, None] * edges.inward[good], edges.inward[good], sigma[good]
-    )
+    return place, model, heights, size
 
 
 def _bell(u):

@@ -119,7 +119,7 @@ def find_limb(
             found.append(_enlarged(tried, scale))
     # The sharpest of those that know it about as well as the best.
     best = min((one.std for one in found), default=0.0)
-    return next((one for one in found if one.std <= 2 * best), limb)
+    return next((one for one in found if one.std <= 3 * best), limb)
 
 
 def _enlarged(limb: Limb, scale: int) -> Limb:
