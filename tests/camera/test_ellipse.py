@@ -210,6 +210,19 @@ def test_the_guaranteed_fit_of_szpak_is_at_the_minimum(real_data, figure, count)
     np.testing.assert_allclose(found, lowest.x, rtol=0, atol=1e-3)
 
 
+@pytest.mark.parametrize("arc", [25, 40])
+def test_short_arcs_come_to_the_minimum(arc):
+    """Where the barrier holds, as much of the cost's curvature is its own."""
+    rng = np.random.default_rng([210, arc])
+    points = on_ellipse(np.radians(np.linspace(0, arc, 100)), [600, 300], [300, 200], 0.4)
+    points += 0.3 * rng.normal(size=points.shape)
+    found = parameters_of(guaranteed_ellipse(points))
+    lowest = minimize(published_cost, found, args=(points,), method="Nelder-Mead",
+                      options={"xatol": 1e-8, "fatol": 1e-16, "maxiter": 5000})  # fmt: skip
+    assert published_cost(found, points) <= lowest.fun * (1 + 1e-9)
+    np.testing.assert_allclose(found, lowest.x, rtol=0, atol=0.01)
+
+
 # ---- noise ----
 
 
@@ -363,6 +376,40 @@ def test_what_is_not_finite_is_an_error(fit, bad):
     points[3, 1] = bad
     with pytest.raises(ValueError, match="points must be finite"):
         fit(points)
+
+
+@BOTH
+def test_complex_points_are_an_error(fit):
+    x, y = on_ellipse(np.arange(10.0), [0, 0], [2, 1], 0).T
+    with pytest.raises(ValueError, match="points are complex: give x and y in two columns"):
+        fit(np.stack([x + 1j * y, y], axis=1))
+
+
+@BOTH
+@pytest.mark.parametrize("scale", [1e200, 1e-200, 1e61, 1e-61, 1e307])
+def test_units_out_of_all_bounds_are_an_error(fit, scale):
+    points = on_ellipse(np.arange(10.0), [3, 4], [2, 1], 0.3) * scale
+    with pytest.raises(ValueError, match=r"give them in another unit, between 1e-60 and 1e\+60"):
+        fit(points)
+
+
+@BOTH
+@pytest.mark.parametrize("scale", [1e57, 1e-57])
+def test_units_far_from_one(fit, scale):
+    points = on_ellipse(np.linspace(0, 6, 50), [3, 4], [5, 2], 0.3)
+    points += 0.01 * np.random.default_rng(209).normal(size=points.shape)
+    one, other = fit(points), fit(points * scale)
+    # A decimal scale rounds the points themselves.
+    expected = parameters_of(one) * [scale, scale, scale, scale, 1]
+    np.testing.assert_allclose(parameters_of(other), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        other.distance(points * scale), one.distance(points) * scale, rtol=1e-6
+    )
+    if one.covariance is not None:
+        errors = [np.sqrt(np.diag(f.covariance)) for f in (one, other)]
+        np.testing.assert_allclose(
+            errors[1] / [scale, scale, scale, scale, 1], errors[0], rtol=1e-6
+        )
 
 
 @BOTH

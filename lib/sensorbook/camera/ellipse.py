@@ -30,6 +30,7 @@ _BARRIER = 1e-3  # α of Szpak, Chojnacki and van den Hengel
 # An ellipse whose smaller semi-axis is below so many times the points' distance from it is refused.
 THIN = 3
 _STEPS = 100
+_LARGEST = 1e60
 _TINY = 1e-150  # whose square is still a number
 
 _REMEDY = "Give more of the outline, or take out what is none of it."
@@ -119,7 +120,8 @@ def direct_ellipse(points: ArrayLike) -> Ellipse:
     Raises
     ------
     Refusal : fewer than 6 distinct points, points on a line, or a conic that is no ellipse
-    ValueError : another shape, or numbers that are not finite
+    ValueError : another shape, complex numbers or such that are not finite, or a unit in which they are
+        beyond 1e±60
     """
     z, frame, mean = _whitened(_checked(points))
     return _placed(_direct(z), frame, mean)
@@ -165,6 +167,8 @@ def guaranteed_ellipse(points: ArrayLike) -> Ellipse:
 
 def _checked(points: ArrayLike) -> np.ndarray:
     """(N, 2) points, at least six of them distinct."""
+    if np.iscomplexobj(points):
+        raise ValueError("points are complex: give x and y in two columns")
     points = np.ascontiguousarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"points must have shape (N, 2), not {points.shape}")
@@ -176,6 +180,13 @@ def _checked(points: ArrayLike) -> np.ndarray:
         rest, distinct = rest[rest != rest[0]], distinct + 1
     if distinct < 6:
         raise Refusal(f"An ellipse needs 6 distinct points, and these are {distinct}.", _REMEDY)
+    # Coefficients go as the inverse square of the unit, and products of them have to be numbers.
+    size, extent = np.abs(points).max(), np.ptp(points, axis=0).max()
+    if not (extent > 1 / _LARGEST and size < _LARGEST):
+        raise ValueError(
+            f"points spread by {extent:.1g} and lie up to {size:.1g} away: give them in another unit, "
+            f"between {1 / _LARGEST:.0e} and {_LARGEST:.0e}"
+        )
     return points
 
 
