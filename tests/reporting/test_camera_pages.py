@@ -134,7 +134,9 @@ def test_reasons_are_counted_without_the_partner_s_name():
     ]
     assert table["caption"].endswith("; mean of the errors against the true attitude")
     blind = camera_table({"images": [SOLVED | {"error_deg": None}]})
-    assert blind["caption"].startswith("Medians of the standard errors: of a direction for each axis")
+    assert blind["caption"].startswith(
+        "Medians of the standard errors: of a direction for each axis"
+    )
     assert "true attitude" not in blind["caption"]
     many = [EMPTY | {"image": f"{k}", "status": f"no solution: reason {k}"} for k in range(30)]
     assert (
@@ -398,6 +400,19 @@ def test_images_that_two_recordings_list(tmp_path, capsys):
         [
             "device.toml: recording 2 (camera, images): file: './*.png' is that of recording 1 "
             "(camera, images) already — give each camera a folder of its own, or leave one recording out"
+        ],
+    )
+
+
+def test_images_that_two_patterns_share(tmp_path, capsys):
+    both = [recording("*.png", poses=False), recording("a*.png", poses=False)]
+    folder = write(tmp_path / "cam", both, {f"{k}.png": NIGHT for k in ("a1", "a2", "b")})
+    assert checked(folder, capsys) == (
+        0,
+        [
+            "warning: a1.png: 2 images belong to two recordings, this one first: each counts twice"
+            " — give each camera a folder of its own",
+            f"{folder}: 1 warning",
         ],
     )
 

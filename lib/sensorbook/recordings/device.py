@@ -16,7 +16,7 @@ from sensorbook.recordings.advice import advise, with_remedies
 from sensorbook.recordings.assemble import read_recording
 from sensorbook.recordings.checks import as_date, file_name
 from sensorbook.recordings.companions import with_shared_shocks, with_temperature
-from sensorbook.recordings.images import Images, read_images, shared_rows
+from sensorbook.recordings.images import Images, listed_twice, read_images, shared_rows
 from sensorbook.recordings.paths import resolve
 from sensorbook.recordings.recording import Finding, Recording, html_table
 from sensorbook.recordings.schema import FILE, Declared, check_declaration
@@ -193,7 +193,8 @@ class Device:
             for finding in with_remedies(r.findings)
         ]
         cameras = [r for r in read if isinstance(r, Images)]
-        findings += [f for camera in cameras for f in camera.unusable()] + shared_rows(cameras)
+        findings += [f for camera in cameras for f in camera.unusable()]
+        findings += listed_twice(cameras) + shared_rows(cameras)
         return list(dict.fromkeys(problems)), list(dict.fromkeys(findings))
 
     def advice(self) -> list[Finding]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -151,6 +152,23 @@ def read_images(declared: Declared, folder: Path) -> Images:
         sha256=digest.hexdigest(),
         declaration=declared.table,
     )
+
+
+def listed_twice(cameras: Iterable[Images]) -> list[Finding]:
+    """Images that the patterns of two recordings have in common."""
+    count = Counter(name for images in cameras for name in images.names)
+    if not (twice := [name for name, times in count.items() if times > 1]):
+        return []
+    have = "image belongs" if len(twice) == 1 else "images belong"
+    return [
+        Finding(
+            twice[0],
+            "",
+            "image",
+            f"{len(twice)} {have} to two recordings, this one first: each counts twice",
+            "give each camera a folder of its own",
+        )
+    ]
 
 
 def shared_rows(cameras: Iterable[Images]) -> list[Finding]:
