@@ -6,6 +6,7 @@ import html
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -104,6 +105,12 @@ def test_demo_says_what_it_found(demo):
     )
     assert "1 of 18 images has no solution: Earth not in view." in page
     assert "C's chain gives a direction in" in page
+    assert re.search(r"Pixel \(\d+, \d+\) has \d+ and becomes \d+, as 24 of the 49 values", page)
+    assert re.search(r"Of the 81 pixels here \d+ stand out .* exceed 100 and start an edge", page)
+    assert re.search(r"\d+ % of these lie within three pixels of the limb", page)
+    assert re.search(r"From half of the edges the centre comes out \d+ px away", page)
+    assert "The Sun is half a degree wide: 3.4 px in the middle of this camera's image" in page
+    assert not re.search(r"\de[+-]\d", page), "no powers of ten"
     assert re.search(
         r"The cone's axis errs by [\d.]+° in the median over 12 images, limb and Sun together by",
         page,
@@ -131,7 +138,7 @@ def test_pages_are_small_and_keep_to_themselves(demo):
         assert page.stat().st_size < 1_500_000
         assert not re.search(r"https?://|src=\"//|url\(", text), page
         assert all('alt="' in tag for tag in re.findall(r"<img[^>]*>", text))
-    assert len(figures(demo)) == 12
+    assert len(figures(demo)) == 16
     assert all("Look for: " in caption for caption in figures(demo))
 
 
@@ -233,7 +240,7 @@ def test_nothing_readable(tmp_path):
     page = report.page(CHAPTER, "camera")
     assert "The steps below are those of a.png, the first: no solution: file cannot be read" in page
     assert "It cannot be read, so that no step can be drawn." in page
-    assert figures(report) == []
+    assert [caption.split(",")[0] for caption in figures(report)] == ["Work C's steps"]
     assert [w["message"] for w in report.results["warnings"]] == [
         "2 of 2 images have no solution: "
         "file cannot be read as an image (not one that is known) (a.png, b.png)."
@@ -314,6 +321,28 @@ def test_without_poses(tmp_path):
     )
     assert re.search(r"An Earth of 6371 km with such a half-angle is \d+ km away", page)
     assert {image["quaternion"] for image in images_of(report).values()} == {None}
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [
+        (
+            0.994,
+            "inside it, .*Dark ground at the limb, or cloud that ends before it, moves edges inward, as does a place given too near",
+        ),
+        (
+            1.006,
+            "outside it, .*Air and clouds' tops stand above the ground and move the limb outward, as does a place given too far away",
+        ),
+    ],
+)
+def test_a_limb_that_is_not_the_ground_s(tmp_path, scale, words):
+    # A place 50 km off moves the ground's edge by 0.4°, several standard errors of the limb's.
+    moment = shot(0)
+    moved = replace(moment, position=moment.position * scale)
+    report = reported(tmp_path / "moved", {"a.png": moment.image()}, poses=[moved.row("a.png")])
+    page = report.page(CHAPTER, "camera")
+    assert re.search(words + ": the standard error knows only what the residuals show", page)
 
 
 # ---- parameters, and many images ----

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 
 import numpy as np
 import pandas as pd
@@ -208,13 +209,13 @@ def earth_errors(found: Survey) -> dict[str, np.ndarray]:
 
 
 def printed(value: float, form: str) -> str:
-    """A number with a true minus, and without powers of ten where it is a hundred or more.
+    """A number with a true minus and no power of ten.
 
-    >>> printed(-0.123, ".2g"), printed(180.0, ".2g")
-    ('−0.12', '180')
+    >>> printed(-0.123, ".2g"), printed(180.0, ".2g"), printed(5.1e-05, ".2g")
+    ('−0.12', '180', '0.000051')
     """
     text = f"{value:.0f}" if form.endswith("g") and abs(value) >= 100 else f"{value:{form}}"
-    return text.replace("-", "−") if "e" not in text else text
+    return f"{Decimal(text):f}".replace("-", "−")
 
 
 def attitude_std(frame: Frame) -> float:
@@ -247,15 +248,17 @@ def _row(frame: Frame) -> dict[str, str]:
     row = dict.fromkeys(("image", "status", *_COLUMNS), "")
     row |= {"image": shortened(frame.image), "status": frame.status.removeprefix("no solution: ")}
     if frame.earth_direction is not None:
-        row[_EARTH] = f"{_place(frame.earth_direction)} ±\u00a0{degrees(frame.earth_std):.2g}"
+        row[_EARTH] = (
+            f"{_place(frame.earth_direction)} ±\u00a0{printed(degrees(frame.earth_std), '.2g')}"
+        )
         std = degrees(np.sqrt(limb.covariance[2, 2]))
-        row[_RADIUS] = f"{degrees(limb.angular_radius):.3f} ±\u00a0{std:.2g}"
+        row[_RADIUS] = f"{degrees(limb.angular_radius):.3f} ±\u00a0{printed(std, '.2g')}"
     if sun is not None and sun.direction is not None:
-        row[_SUN] = f"{_place(sun.direction)} ±\u00a0{degrees(sun.std):.2g}"
+        row[_SUN] = f"{_place(sun.direction)} ±\u00a0{printed(degrees(sun.std), '.2g')}"
     if frame.matrix is not None:
         x, y, z, w = (printed(q, ".4f") for q in quaternion_from_matrix(frame.matrix))
         row[_ATTITUDE] = f"{x},\u00a0{y}, {z},\u00a0{w}"
-        row[_STD] = f"{degrees(attitude_std(frame)):.2g}"
+        row[_STD] = printed(degrees(attitude_std(frame)), ".2g")
     if frame.error is not None:
         size = np.linalg.norm(frame.error)
         row[_ERROR] = f"{printed(degrees(size), '.2g')} ({size / attitude_std(frame):.1f}\u00a0×)"
