@@ -66,7 +66,8 @@ def test_recordings(recordings):
         assert set(run.poses) == set(run.names)
         camera = Camera.of(run.camera)
         assert (camera.width, camera.height, camera.focal_px) == (1280, 720, 369.5)
-        np.testing.assert_array_equal(camera.to_body, CAMERAS[name].to_body)
+        # Declared matrices are made orthonormal: rounding alone may differ.
+        np.testing.assert_allclose(camera.to_body, CAMERAS[name].to_body, rtol=0, atol=1e-14)
 
 
 def test_the_printed_mounting_is_made_orthonormal(recordings):
