@@ -1,5 +1,6 @@
 """The Sun in rendered images: found to a tenth of a pixel, and told from what is not the Sun."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -117,3 +118,18 @@ def test_white_noise_holds_no_sun(seed):
 def test_arrays_that_are_no_image(image, message):
     with pytest.raises(ValueError, match=message):
         find_sun(image, CAMERA)
+
+
+@pytest.mark.parametrize("brightness", [2e4, 1e6])
+@pytest.mark.parametrize("blur", [0.7, 1.0, 1.5])
+def test_a_sun_that_overfills_its_pixels(brightness, blur):
+    """A real Sun is some 10⁵ times as bright as lit ground: its halo saturates too, and is round."""
+    rng = np.random.default_rng(49)
+    columns, rows = np.meshgrid(np.arange(640 * 4), np.arange(480 * 4))
+    disc = np.hypot(columns / 4 - 401.3, rows / 4 - 200.6) < 1.7
+    light = cv2.resize(disc.astype(float), (640, 480), interpolation=cv2.INTER_AREA)
+    light = cv2.GaussianBlur(brightness * light, (25, 25), blur) + 2 * rng.normal(size=(480, 640))
+    found = find_sun(np.clip(np.rint(light), 0, 255).astype(np.uint8), CAMERA)
+    # Cells of a quarter of a pixel: centres are 3/8 of a cell back.
+    np.testing.assert_allclose(found.pixel, [401.3 - 0.375, 200.6 - 0.375], rtol=0, atol=0.3)
+    assert found.std == pytest.approx(0.1 / 369.5)

@@ -18,8 +18,10 @@ _DIM = 0.5  # of the largest value: less is no Sun, however small
 _MOST_BLOBS = 300
 _LEAST_AREA = 0.3  # of its disc: a rim of a pixel's width does not saturate
 _LIKE = 0.25  # of the Sun's area: a second spot as large leaves it open which is the Sun
-_STD = 0.03  # pixels
-_MOST_AREA, _MOST_LENGTH = 4.0, 2.5  # of what the Sun's disc would have: a lens spreads it somewhat
+_STD, _STD_BLOOMED = 0.03, 0.1  # pixels
+# Pixels that a lens of σ = 1 px spreads a Sun by that is 10⁶ times as bright as saturates: √(2 ln 10⁶) = 5.3.
+_BLOOM = 6.0
+_ROUND = 0.6  # of its box that a round spot fills: 0.785
 
 
 @dataclass(frozen=True)
@@ -57,12 +59,17 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     for blob in 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:_MOST_BLOBS]:
         x, y, width, height, area = stats[blob]
         ray = camera.rays(middles[blob])
+        if np.isnan(ray).any():  # where the distortion turns back
+            continue
         # A small circle off the axis is an ellipse, longer by 1/cos outward and wider by 1/√cos.
         radius = SUN_RADIUS * camera.focal_px
         long, wide = radius / ray[2] ** 2, radius / ray[2]
-        if area > _MOST_AREA * np.pi * max(long * wide, 1) or max(width, height) > (
-            _MOST_LENGTH * 2 * max(long, 1) + 2
+        if max(width, height) > 2 * (long + _BLOOM) + 1 or area > np.pi * (
+            (long + _BLOOM) * (wide + _BLOOM)
         ):
+            continue
+        # What is larger than the disc itself is so by the lens: a round halo.
+        if area > 1.5 * np.pi * max(long * wide, 1) and area < _ROUND * width * height:
             continue
         around = _ring(image, x, y, width, height)
         # Space around it on most sides; the limb may be near.
@@ -88,8 +95,13 @@ def find_sun(image: np.ndarray, camera: Camera) -> Sun:
     if _at_edge(stats[blob], image):
         return Sun(None, None, None, "Sun cut by the edge of the image")
     direction = camera.rays(pixel)
-    # Whole DN and saturation of partly covered pixels on the rim, a few hundredths of a pixel each way.
-    return Sun(pixel, direction, _STD / camera.focal_px, "ok")
+    if np.isnan(direction).any():
+        return Sun(None, None, None, "Sun not in view")
+    # Whole DN and saturation of partly covered pixels on the rim, a few hundredths of a pixel each way; an
+    # overfull disc has lost its rim.
+    disc = np.pi * (SUN_RADIUS * camera.focal_px) ** 2 / direction[2] ** 3
+    std = _STD if stats[blob][cv2.CC_STAT_AREA] < 1.5 * max(disc, 1) else _STD_BLOOMED
+    return Sun(pixel, direction, std / camera.focal_px, "ok")
 
 
 def _at_edge(stats: np.ndarray, image: np.ndarray) -> bool:
