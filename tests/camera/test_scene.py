@@ -5,6 +5,8 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from sensorbook.camera.baseline import baseline
+from sensorbook.camera.limb import find_limb
 from sensorbook.camera.model import Camera
 from sensorbook.camera.scene import (
     EARTH_RADIUS,
@@ -16,6 +18,7 @@ from sensorbook.camera.scene import (
     render,
     texture,
 )
+from sensorbook.camera.sun import find_sun
 
 CAMERA = Camera(400, 300, 200.0)
 WIDE = Camera(1280, 720, 369.5)
@@ -214,6 +217,37 @@ def test_the_image_is_dark_where_the_camera_has_no_direction():
     half = shot(Scene(PLACE, AWAY, noise=0, blur=1.5), looking(-PLACE, off=(50, 0)), camera)
     assert half.max() == pytest.approx(GROUND, abs=1)
     assert half[0, 0] == 0
+
+
+def test_what_reads_images_bears_pixels_without_a_direction():
+    """The same fold, the Sun and a limb within it, spots and edges painted outside."""
+    camera = Camera(640, 480, 250.0, distortion=(-0.2,))  # up to 215 px from the middle
+    sun = camera.rays([480.0, 240])
+    attitude = looking(-PLACE, 2)
+    # The lens shrinks the Sun by a third along its radius: brighter, its rim saturates too.
+    scene = Scene(PLACE, sun @ attitude, noise=0, sun_level=2550.0)
+    image = render(camera, scene, attitude, np.random.default_rng(1))
+    image[3:6, 3:6] = 255
+    image[430:470, 10:60] = 200
+    limb = find_limb(image, camera)
+    assert limb.status == "ok"
+    np.testing.assert_allclose(limb.direction, attitude @ -AWAY, atol=2e-4)
+    chain = baseline(image, camera)
+    assert chain.status == "No Sun: the camera has no direction for the brightest blob."
+    assert np.isfinite(chain.earth_direction).all()
+    seen = find_sun(image, camera)
+    assert seen.status == "ok"
+    np.testing.assert_allclose(seen.direction, sun, atol=1e-3)
+    # Nothing but what has no direction.
+    image[:] = 0
+    image[430:470, 10:60] = 200
+    image[3:6, 3:6] = 255
+    assert find_limb(image, camera).status == "Earth not in view"
+    assert find_sun(image, camera).status == "Sun not in view"
+    assert baseline(image, camera).status == (
+        "No Earth: the camera has no direction for the ellipse's centre. "
+        "No Sun: the camera has no direction for the brightest blob."
+    )
 
 
 def test_a_blurred_limb_is_its_sharp_one_smoothed():

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from sensorbook.camera.ellipse import Ellipse, guaranteed_ellipse
-from sensorbook.camera.model import Camera
+from sensorbook.camera.model import FARTHEST, Camera
 from sensorbook.errors import Refusal
 
 WINDOW = 7  # pixels, of the median
@@ -80,16 +80,28 @@ def baseline(image: np.ndarray, camera: Camera) -> Baseline:
     missing, ellipse, earth = [], None, None
     try:
         ellipse = guaranteed_ellipse(chain)
-        earth = camera.rays(ellipse.centre)
+        earth = _direction(camera, ellipse.centre)
+        if earth is None:
+            missing.append("No Earth: the camera has no direction for the ellipse's centre.")
     except Refusal as refusal:
         reason = refusal.reason if len(chain) else "The image has no edge."
         missing.append(f"No Earth: {reason}")
     # In the image as it comes: the median takes away a Sun three pixels wide.
     blob = _largest(image >= SUN_LEVEL)
-    sun = camera.rays(blob.mean(axis=0)) if len(blob) else None
-    if sun is None:
+    sun = _direction(camera, blob.mean(axis=0)) if len(blob) else None
+    if len(blob) and sun is None:
+        missing.append("No Sun: the camera has no direction for the brightest blob.")
+    elif sun is None:
         missing.append(f"No Sun: the brightest pixel has {image.max()} of 255, below {SUN_LEVEL}.")
     return Baseline(filtered, edges, chain, ellipse, earth, sun, " ".join(missing) or "ok")
+
+
+def _direction(camera: Camera, pixel: np.ndarray) -> np.ndarray | None:
+    """The line of sight (3,) through a pixel (2,); None too far out, or where a distortion turns back."""
+    if np.abs(pixel).max() > FARTHEST:
+        return None
+    ray = camera.rays(pixel)
+    return None if np.isnan(ray).any() else ray
 
 
 def _largest(mask: np.ndarray) -> np.ndarray:

@@ -150,14 +150,17 @@ def fit_limb(
     seed : of the random trials
     """
     edges = edges.some(MOST_POINTS)
-    count = len(edges.pixels)
-    nothing = np.zeros(count, dtype=bool), np.full(count, np.nan)
-    if count < LEAST_POINTS:
-        return Limb(None, None, None, None, edges.pixels, *nothing, "Earth not in view")
     rays = camera.rays(edges.pixels)
     step = 1e-3
     across = camera.rays(edges.pixels + step * edges.inward) - rays
     across /= step  # how the line of sight turns over a pixel, inward
+    known = np.isfinite(across).all(axis=-1)  # not where a distortion turns back
+    edges = Edges(edges.pixels[known], edges.inward[known], edges.sigma[known])
+    rays, across = rays[known], across[known]
+    count = len(edges.pixels)
+    nothing = np.zeros(count, dtype=bool), np.full(count, np.nan)
+    if count < LEAST_POINTS:
+        return Limb(None, None, None, None, edges.pixels, *nothing, "Earth not in view")
     best = _consensus(rays, across, sun, radius, np.random.default_rng(seed))
     if best is None:
         return Limb(None, None, None, None, edges.pixels, *nothing, "no limb among the edges")

@@ -13,7 +13,7 @@ from numbers import Integral, Real
 import numpy as np
 from numpy.typing import ArrayLike
 
-_FARTHEST = 1e6  # pixels from the image's first, beyond which a place is a mistake
+FARTHEST = 1e6  # pixels from the image's first, beyond which a place is a mistake
 _EXACT = 1e-10  # pixels, to which the distortion is taken out
 _ROUNDS = 40  # of Newton's method: 3 or 4 do, more where the distortion is about to turn back
 _STUCK = 1e-5  # of a whole step: a point that gets no further has no direction
@@ -105,10 +105,10 @@ class Camera:
         pixels = np.asarray(pixels, dtype=float)
         if pixels.shape[-1:] != (2,) or not np.isfinite(pixels).all():
             raise ValueError(f"pixels of shape {pixels.shape}: give finite x and y, (…, 2)")
-        if np.abs(pixels).max(initial=0.0) > _FARTHEST:
+        if np.abs(pixels).max(initial=0.0) > FARTHEST:
             raise ValueError(
                 f"a pixel {np.abs(pixels).max():.3g} away: give places in or near the image, "
-                f"within {_FARTHEST:.0e}"
+                f"within {FARTHEST:.0e}"
             )
         plane = (pixels - self.centre) / self.focal_px
         if any(self.distortion):
