@@ -100,8 +100,8 @@ def test_haze_against_the_ground_s_radius():
     errors = accuracy.haze_errors("leo", 20e3, 2, np.random.default_rng(1513))
     assert list(errors) == list(accuracy.HAZE_WAYS)
     fixed, _, prior = (np.median(found) for found in errors.values())
-    # 20 km are 0.21° there.
-    assert np.degrees(fixed) == pytest.approx(0.25, abs=0.1)
+    # 20 km are 0.21° there. Where on the haze's rise the edge is put is a few km.
+    assert np.degrees(fixed) == pytest.approx(0.2, abs=0.1)
     assert prior < fixed
 
 

@@ -68,8 +68,8 @@ def test_looks_and_crescents(read):
 
 def test_haze_is_not_to_be_told_the_ground_s_radius(read):
     haze = read[0]["results"]["camera_accuracy"]["haze_median"]
-    # 20 km are 0.21° from LEO.
-    assert np.degrees(haze["fixed to the ground"]) == pytest.approx(0.25, abs=0.1)
+    # 20 km are 0.21° from LEO. Where on the haze's rise the edge is put is a few km.
+    assert np.degrees(haze["fixed to the ground"]) == pytest.approx(0.2, abs=0.1)
     assert haze["with a prior"] < haze["fixed to the ground"] / 2
 
 
