@@ -18,6 +18,7 @@ from sensorbook.camera.scene import (
     render,
     texture,
 )
+from sensorbook.camera.star_scene import made_up_sky, render_stars
 from sensorbook.camera.sun import find_sun
 
 CAMERA = Camera(400, 300, 200.0)
@@ -248,6 +249,20 @@ def test_what_reads_images_bears_pixels_without_a_direction():
         "No Earth: the camera has no direction for the ellipse's centre. "
         "No Sun: the camera has no direction for the brightest blob."
     )
+
+
+def test_stars_are_drawn_where_the_camera_has_directions():
+    camera = Camera(512, 512, 1450.0, distortion=(-12.0,))
+    known = np.isfinite(camera.grid).all(axis=-1)
+    assert 0.2 < known.mean() < 0.5
+    rng = np.random.default_rng(9)
+    image = render_stars(camera, made_up_sky(7.0, rng), np.eye(3), rng)
+    bright = image > 8  # background and noise have 1 and 0.6 DN
+    assert bright.sum() > 10
+    rows, columns = np.nonzero(bright)
+    # Spots are some pixels wide.
+    off = np.hypot(columns - 255.5, rows - 255.5) - np.sqrt(known.sum() / np.pi)
+    assert off.max() < 4
 
 
 def test_a_blurred_limb_is_its_sharp_one_smoothed():

@@ -110,7 +110,8 @@ def render_stars(
     seen = sky.directions @ to_camera.T
     right, bottom = camera.width - 1, camera.height - 1
     corners = [[0, 0], [right, 0], [0, bottom], [right, bottom]]
-    reach = np.arccos(camera.rays(corners)[:, 2].min()) + 0.02
+    # Corners without a direction say nothing: anything ahead may be in view.
+    reach = np.arccos(np.nan_to_num(camera.rays(corners)[:, 2]).min()) + 0.02
     near = seen[:, 2] > np.cos(min(reach + np.linalg.norm(turn), np.pi))
     places = camera.project(_trail(camera, seen[near], camera.to_body.T @ np.asarray(turn)))
     electrons = optics.electrons * 10 ** (-0.4 * sky.magnitudes[near]) / len(places)
