@@ -193,8 +193,8 @@ def test_every_bad_image_has_its_reason(bad):
     assert "Of 1 image: 12 bits are read as 8 (deep.png)." in page
     assert "Of 1 image: colour is read as luminance (ITU-R BT.601) (colour.png)." in page
     assert (
-        "3 of 10 images have no solution: Sun not in view, Earth not in view (black.png, noise.png, white.png)."
-        in page
+        "3 of 10 images have no solution: Sun not in view, Earth not in view "
+        "(black.png, noise.png, white.png)." in page
     )
     assert (
         "1 of 10 images has no solution: image is 100 × 100 pixels, its camera 640 × 360." in page
