@@ -100,7 +100,7 @@ def test_an_image_asked_for_comes_with_its_partner(mixed, name):
 
 def test_one_image_for_both_of_a_pair(tmp_path):
     moment = shot(0)
-    texts = [recording("*.png", sees="earth"), recording("*.png", sees="sun")]
+    texts = [recording("*.png", sees="earth"), recording("a*.png", sees="sun")]
     runs = runs_of(
         write(tmp_path / "device", texts, {"a.png": moment.image()}, [moment.row("a.png")])
     )

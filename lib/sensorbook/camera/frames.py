@@ -114,12 +114,12 @@ def read_frames(runs: Sequence[Images]) -> Iterator[Frame]:
     timed = [f for f in frames if f.sees != "both" and f.pose.time is not None]
     partners = _partners(timed)
     paired = {frame.sees for frame in frames} >= {"earth", "sun"} and bool(timed)
-    done: dict[str, Frame] = {}
+    done: dict[tuple[str, str], Frame] = {}
     for frame in frames:
-        if frame.image in done:
-            yield done.pop(frame.image)
+        if _key(frame) in done:
+            yield done.pop(_key(frame))
             continue
-        partner = partners.get(frame.image)
+        partner = partners.get(_key(frame))
         if partner is None:
             alone = _alone(frame)
             lonely = paired and frame.sees != "both" and alone.status == "ok"
@@ -127,7 +127,7 @@ def read_frames(runs: Sequence[Images]) -> Iterator[Frame]:
             continue
         earth, sun = _pair(*((frame, partner) if frame.sees == "earth" else (partner, frame)))
         mine, its = (earth, sun) if frame.sees == "earth" else (sun, earth)
-        done[its.image] = its
+        done[_key(its)] = its
         yield mine
 
 
@@ -151,15 +151,22 @@ def _frame(run: Images, k: int, names: dict[str, str]) -> Frame:
     )
 
 
-def _partners(frames: list[Frame]) -> dict[str, Frame]:
-    """By image: that of the other camera nearest in time, and within `SAME_TIME`, if each is the other's."""
+def _partners(frames: list[Frame]) -> dict[tuple[str, str], Frame]:
+    """By image and what it looks for: that of the other camera nearest in time, and within `SAME_TIME`.
+
+    Only where each is the other's. One file may be the image of both.
+    """
     found = {}
     for frame in frames:
         others = [f for f in frames if f.sees != frame.sees]
         near = min(others, key=lambda f: abs(f.pose.time - frame.pose.time), default=None)
         if near is not None and abs(near.pose.time - frame.pose.time) <= SAME_TIME:
-            found[frame.image] = near
-    return {k: f for k, f in found.items() if found.get(f.image, f).image == k}
+            found[_key(frame)] = near
+    return {k: f for k, f in found.items() if _key(found.get(_key(f), f)) == k}
+
+
+def _key(frame: Frame) -> tuple[str, str]:
+    return frame.image, frame.sees
 
 
 def _alone(frame: Frame) -> Frame:
