@@ -29,6 +29,7 @@ _ROOT = np.array(
 ) / np.sqrt(2 * np.pi)
 _ROOT_SLOPE = np.gradient(_ROOT, _TABLE)
 _LENSES = (0.0, 0.5, 0.8, 1.1, 1.5)  # pixels, point spreads tried
+_MOST_LENS = 1.3  # what is wider is haze, in front of a sharp edge
 _LENS_PROFILES = 60  # that choose one
 _LEAST_SIGMA = 0.03  # pixels: of an edge between square pixels
 MOST_POINTS = 1500  # of the fit; more share their noise
@@ -62,10 +63,13 @@ class Edges:
         return Edges(self.pixels[chosen], self.inward[chosen], self.sigma[chosen])
 
 
-def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None) -> Edges:
+def find_edges(
+    image: np.ndarray, camera: Camera, sun: np.ndarray | None = None, soft: bool = False
+) -> Edges:
     """Edges of a grey image (height, width), uint8, whose dark side is dark for some pixels on.
 
-    `sun` is the Sun's pixel (2,), whose own edge is left out.
+    `sun` is the Sun's pixel (2,), whose own edge is left out. `soft` edges are those of air alone, which
+    has no sharper one.
     """
     image = grey(image, camera)
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _BLUR)
@@ -104,10 +108,12 @@ def find_edges(image: np.ndarray, camera: Camera, sun: np.ndarray | None = None)
         good &= sample(smooth, pixels - away * inward) <= allowed
     if sun is not None and np.isfinite(sun).all():  # NaN: behind the camera
         good &= np.linalg.norm(pixels - sun, axis=-1) > 15 + 3 * 0.005 * camera.focal_px
-    return placed(image, Edges(pixels[good], inward[good], np.ones(good.sum())), grain)
+    return placed(image, Edges(pixels[good], inward[good], np.ones(good.sum())), grain, soft=soft)
 
 
-def placed(image: np.ndarray, edges: Edges, grain: float, together: int = 1) -> Edges:
+def placed(
+    image: np.ndarray, edges: Edges, grain: float, together: int = 1, soft: bool = False
+) -> Edges:
     """Edges put where the brightness profile across them begins; `grain` is a pixel's noise, DN.
 
     Profiles are averages over so many neighbours `together`, where these follow each other along an edge.
@@ -130,7 +136,9 @@ def placed(image: np.ndarray, edges: Edges, grain: float, together: int = 1) -> 
     beyond = np.arange(len(along)) > values.argmax(axis=-1)[:, None] + 1
     seen = ~(thin[:, None] & beyond)
     values = values * seen
-    place, model, heights, size = _profiles(values, seen, along, _lens(values, seen, along))
+    place, model, heights, size = _profiles(
+        values, seen, along, _lens(values, seen, along, _LENSES[-1] if soft else _MOST_LENS)
+    )
     grain = grain / (2 * np.sqrt(np.pi) * _PROFILE_BLUR) / np.sqrt(together)
     # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
     # ground's own pattern is in it.
@@ -146,7 +154,7 @@ def placed(image: np.ndarray, edges: Edges, grain: float, together: int = 1) -> 
     )
 
 
-def _lens(values: np.ndarray, seen: np.ndarray, along: np.ndarray) -> float:
+def _lens(values: np.ndarray, seen: np.ndarray, along: np.ndarray, most: float) -> float:
     """Point spread of the lens, pixels, that profiles (N, M) are fitted best with, of a few."""
     # The steepest ones tell it.
     rise = np.ptp(values, axis=1)
@@ -162,9 +170,10 @@ def _lens(values: np.ndarray, seen: np.ndarray, along: np.ndarray) -> float:
     near = slice(best - 1, best + 2)
     bend, slope, _ = np.polyfit(_LENSES[near], misfits[near], 2)
     if bend <= 0:
-        return _LENSES[int(np.argmin(misfits))]
-    found = -slope / (2 * bend)
-    return float(min(found, _LENSES[-1])) if found > _LENSES[1] / 2 else 0.0
+        return 0.0
+    found = min(-slope / (2 * bend), _LENSES[-1])
+    # Next to none, and what no lens does but haze, whose slope is another.
+    return float(found) if _LENSES[1] / 2 < found <= most else 0.0
 
 
 def _profiles(values: np.ndarray, seen: np.ndarray, along: np.ndarray, lens: float):

@@ -114,7 +114,7 @@ def find_limb(
         whole = image[: height * scale, : width * scale]
         less = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
         place = None if pixel is None else (pixel + 0.5) / scale - 0.5
-        tried = fit_limb(find_edges(less, small, place), small, sun, radius)
+        tried = fit_limb(find_edges(less, small, place, soft=True), small, sun, radius)
         if tried.status == "ok":
             found.append(_enlarged(tried, scale))
     # The sharpest of those that know it about as well as the best.
