@@ -325,6 +325,15 @@ def test_an_image_of_absurd_size_is_not_read(folder):
     assert told == ["image declares 3600 million pixels: none that large is read"]
 
 
+def test_a_distortion_that_has_no_direction_for_a_pixel_is_a_problem(folder):
+    path = folder(CAMERA.replace("focal_px = 5.0", "focal_px = 2.0, distortion = [-0.3]"))
+    (problem,) = check(path)[0]
+    assert str(problem).endswith(
+        "camera: distortion (-0.3,) has no direction for pixel (0, 0): it turns back before — give "
+        "coefficients that hold for the whole image, or the image's used part"
+    )
+
+
 def test_images_are_listed_by_name_with_their_poses(folder):
     path = folder(CAMERA)
     (path / "images").mkdir()

@@ -94,6 +94,14 @@ class Images:
 
 def read_images(declared: Declared, folder: Path) -> Images:
     """Lists the images and reads the poses; the images themselves are read by who needs them."""
+    from sensorbook.camera.model import Camera
+
+    try:
+        Camera.of(declared.table["camera"])
+    except ValueError as error:
+        message, _, mend = str(error).partition("; ")
+        place = f"{declared.label}: camera"
+        raise InputError(Problem(FILE, place, message, mend or "mend the table")) from None
     pattern, where = declared.file, f"{declared.label}: file"
     try:
         found = (p.relative_to(folder) for p in folder.glob(pattern))
