@@ -71,7 +71,7 @@ def study(orbit: str, name: str, look: dict, frames: int, seed: int) -> None:
         there = [t for t in tried if low <= np.degrees(t.off_axis) < high]
         both = [[np.linalg.norm(t.chain_error), np.linalg.norm(t.error)] for t in there
                 if t.chain_error is not None and t.error is not None]  # fmt: skip
-        mean = np.degrees(np.mean(both, axis=0)).round(4) if both else "no ellipse"
+        mean = np.degrees(np.mean(both, axis=0)).round(4) if both else "none"
         print(
             f"    {low:3d} to {high:3d}° off the axis: {len(there):3d} frames, C's and ours {mean}"
         )
