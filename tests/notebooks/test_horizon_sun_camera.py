@@ -251,6 +251,17 @@ def test_nothing_readable(tmp_path):
 # ---- one body, two cameras, no poses ----
 
 
+def test_true_attitudes_turned_the_other_way_are_told(tmp_path):
+    moments = [shot(k) for k in range(3)]
+    poses = [moment.row(f"{k}.png") for k, moment in enumerate(moments)]
+    for row in poses:
+        row["qw"] = -row["qw"]
+    images = {f"{k}.png": moment.image() for k, moment in enumerate(moments)}
+    report = reported(tmp_path / "turned", images, poses=poses)
+    (warning,) = [w for w in report.results["warnings"] if w["file"] == "poses.csv"]
+    assert "are the quaternions scalar last, and inertial → body?" in warning["message"]
+
+
 def test_an_earth_camera_alone(tmp_path):
     moments = [pair(0), pair(1)]
     images = {f"{k}.png": moment.image(EARTH) for k, moment in enumerate(moments)}
