@@ -19,25 +19,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sensorbook.camera.sampson import (
+    REMEDY,
+    TINY,
+    Barrier,
+    ellipse_or_refusal,
+    factored,
+    inside,
+    pull,
+    refined,
+)
 from sensorbook.errors import Refusal
 
 # Points whose spread across is below this part of their spread along lie on a line.
 FLAT = 1e-9
-# (4ac − b²) / (a + c)² of whitened points, below which the conic is a parabola or a pair of lines. A
-# quarter of a degree of a circle has 1e-6.
-LEAST_DISCRIMINANT = 1e-6
-_BARRIER = 1e-3  # α of Szpak, Chojnacki and van den Hengel
 # An ellipse whose smaller semi-axis is below so many times the points' distance from it is refused.
 THIN = 3
 # Standard errors that the barrier may pull by, and parts of the smaller semi-axis that an error may be.
 # Within both, errors squared over their covariance average 5.3 on arcs of 30° to 360°, where 5 is right,
 # and one in 500 is above 25; beyond, half of them are.
 _MOST_PULL, _MOST_ERROR = 0.5, 0.02
-_STEPS = 100
 _LARGEST = 1e60
-_TINY = 1e-150  # whose square is still a number
-
-_REMEDY = "Give more of the outline, or take out what is none of it."
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,8 +92,8 @@ class Ellipse:
         major, minor = self.semi_axes
         excess = (major - minor) * (major + minor) / minor**2
         # In units of B, τ = t/B² + 1. The floors give the centre and the axes their feet as limits.
-        along = np.maximum(local[..., 0] * major / minor**2, _TINY)
-        across = np.maximum(local[..., 1] / minor, _TINY)
+        along = np.maximum(local[..., 0] * major / minor**2, TINY)
+        across = np.maximum(local[..., 1] / minor, TINY)
         tau = np.maximum(across, along - excess)
         for _ in range(30):
             u, v = along / (tau + excess), across / tau
@@ -151,9 +153,9 @@ def guaranteed_ellipse(points: ArrayLike) -> Ellipse:
     scale = (frame**2).sum(axis=0)
     starts = [_direct(z), _circle(z, scale)]
     off = [np.square(_placed(start, frame, mean).distance(points)).sum() for start in starts]
-    barrier = _Barrier.of(frame, z)
-    conic = _refined(z, scale, starts[int(np.argmin(off))], barrier)
-    pull = _pull(z, scale, conic, barrier)
+    barrier = Barrier.of(frame, z)
+    conic = refined(z, scale, starts[int(np.argmin(off))], barrier)
+    pulled = pull(z, scale, conic, barrier)
     ellipse = _placed(conic, frame, mean)
     scatter = np.sqrt(np.mean(ellipse.distance(points) ** 2))
     if ellipse.semi_axes[1] < THIN * scatter:
@@ -161,11 +163,11 @@ def guaranteed_ellipse(points: ArrayLike) -> Ellipse:
         raise Refusal(
             f"The points tell no ellipse: the best is {ellipse.semi_axes[1]:.2g} thin, and they lie "
             f"{scatter:.2g} off it.",
-            _REMEDY,
+            REMEDY,
         )
     covariance = _covariance(ellipse, points)
     error = np.sqrt(np.linalg.eigvalsh(covariance[:4, :4])[-1])
-    if error >= _MOST_ERROR * ellipse.semi_axes[1] or pull >= _MOST_PULL:
+    if error >= _MOST_ERROR * ellipse.semi_axes[1] or pulled >= _MOST_PULL:
         covariance = None
     return replace(ellipse, covariance=covariance)
 
@@ -184,7 +186,7 @@ def _checked(points: ArrayLike) -> np.ndarray:
     while len(rest) and distinct < 6:
         rest, distinct = rest[rest != rest[0]], distinct + 1
     if distinct < 6:
-        raise Refusal(f"An ellipse needs 6 distinct points, and these are {distinct}.", _REMEDY)
+        raise Refusal(f"An ellipse needs 6 distinct points, and these are {distinct}.", REMEDY)
     # Coefficients go as the inverse square of the unit, and products of them have to be numbers.
     size, extent = np.abs(points).max(), np.ptp(points, axis=0).max()
     if not (extent > 1 / _LARGEST and size < _LARGEST):
@@ -208,7 +210,7 @@ def _whitened(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise Refusal(
             f"The {len(points)} points lie on a straight line: they spread by {spread[0]:.3g} along and "
             f"by {spread[1]:.1g} across.",
-            _REMEDY,
+            REMEDY,
         )
     return y / spread, axes * spread, mean
 
@@ -228,7 +230,7 @@ def _direct(z: np.ndarray) -> np.ndarray:
     a = np.linalg.eigh(constraint)[1][:, 2] @ vt
     a /= np.linalg.norm(a) * np.copysign(1, a[0] + a[2])
     f, d, e = -np.linalg.solve(r[:3, :3], r[:3, 3:] @ a)
-    return _ellipse_or_refusal(np.array([*a, d, e, f]))
+    return ellipse_or_refusal(np.array([*a, d, e, f]))
 
 
 def _circle(z: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -237,182 +239,14 @@ def _circle(z: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return np.array([scale[0], 0, scale[1], d, e, f])
 
 
-def _ellipse_or_refusal(conic: np.ndarray) -> np.ndarray:
-    discriminant = _discriminant(conic)
-    if not (conic[0] + conic[2] > 0 and discriminant > LEAST_DISCRIMINANT and _inside(conic) < 0):
-        raise Refusal(
-            "The conic that fits the points best is no ellipse: a parabola, a hyperbola or a pair of lines "
-            f"(4ac − b² is {max(discriminant, 0):.1g} of (a + c)²).",
-            _REMEDY,
-        )
-    return conic
-
-
-def _discriminant(conic: np.ndarray) -> float:
-    """(4ac − b²) / (a + c)²: 1 for a circle, 0 for a parabola."""
-    a, b, c, *_ = conic
-    return (4 * a * c - b * b) / max((a + c) ** 2, _TINY)
-
-
-def _inside(conic: np.ndarray) -> float:
-    """The conic's value at its centre: below zero for a real ellipse with a, c > 0."""
-    a, b, c, d, e, f = conic
-    return f - (c * d * d - b * d * e + a * e * e) / (4 * a * c - b * b)
-
-
-@dataclass(frozen=True, eq=False)
-class _Barrier:
-    """α ‖a‖²/(4ac − b²), the residual that keeps the published fit from becoming a parabola.
-
-    It is of the conic in evenly scaled coordinates, of length √2 on average as Hartley has them.
-    """
-
-    turn: np.ndarray  # (6, 6), conic of whitened points → of evenly scaled ones
-    shrink: float  # of 4ac − b² by it
-    size: float  # of a unit, in the points' own
-
-    @classmethod
-    def of(cls, frame: np.ndarray, z: np.ndarray) -> _Barrier:
-        size = float(np.mean(np.linalg.norm(z @ frame.T, axis=1))) / np.sqrt(2)
-        (p, q), (r, s) = np.linalg.inv(frame) * size  # whitened = (p x + q y, r x + s y)
-        turn = np.zeros((6, 6))
-        turn[:3, :3] = [
-            [p * p, p * r, r * r],
-            [2 * p * q, p * s + q * r, 2 * r * s],
-            [q * q, q * s, s * s],
-        ]
-        turn[3:5, 3:5] = [[p, r], [q, s]]
-        turn[5, 5] = 1
-        return cls(turn, (p * s - q * r) ** 2, size)
-
-    def residual(self, conic: np.ndarray) -> tuple[float, np.ndarray]:
-        """In the points' own unit, and its derivatives (6,) by the conic."""
-        a, b, c, *_ = conic
-        even = self.turn @ conic
-        discriminant = self.shrink * (4 * a * c - b * b)
-        factor = _BARRIER * self.size / discriminant
-        by_discriminant = self.shrink * np.array([4 * c, -2 * b, 4 * a, 0, 0, 0]) / discriminant
-        square = even @ even
-        return factor * square, factor * (2 * even @ self.turn - square * by_discriminant)
-
-    def bend(self, k: np.ndarray) -> np.ndarray:
-        """(6, 6), the residual times its second derivatives by k of `_factored`.
-
-        Squared it grows as the inverse fourth power of l₂₂, whose curvature is 2½ times that of the slopes
-        alone: without this the steps overshoot wherever the barrier holds.
-        """
-        conic, slopes = _conic(k), _conic_slopes(k)
-        a, b, c, *_ = conic
-        own, by_conic = self.residual(conic)
-        even = self.turn @ conic
-        square = even @ even
-        relative = 2 * even @ self.turn / square  # slope of ln ‖a‖²
-        steep = np.array([4 * c, -2 * b, 4 * a, 0, 0, 0]) / (4 * a * c - b * b)
-        second = 2 * self.turn.T @ self.turn / square + 2 * np.outer(steep, steep)
-        second -= np.outer(relative, steep) + np.outer(steep, relative)
-        second[:3, :3] -= np.array([[0, 0, 4], [0, -2, 0], [4, 0, 0]]) / (4 * a * c - b * b)
-        bend = own * slopes.T @ second @ slopes
-        by_a, by_b, by_c = by_conic[:3]
-        bend[:3, :3] += 2 * np.array([[by_a, by_b, 0], [by_b, by_c, 0], [0, 0, by_c]])
-        return own * bend
-
-
-@np.errstate(all="ignore")  # of a step too far: a sum that is not finite is no improvement
-def _refined(z: np.ndarray, scale: np.ndarray, conic: np.ndarray, barrier: _Barrier) -> np.ndarray:
-    """(6,) conic of least Sampson distance and barrier of whitened points (N, 2), from `conic` on.
-
-    `scale` (2,) are the squared lengths of a whitened unit along each axis.
-    """
-
-    def residuals(conic):
-        r, slopes = _sampson(z, scale, conic)
-        own, slope = barrier.residual(conic)
-        return np.append(r, own), np.vstack([slopes, slope])
-
-    k = _factored(conic)
-    r, slopes = residuals(_conic(k))
-    damping, before = 1e-6, r @ r
-    for _ in range(_STEPS):
-        jacobian = slopes @ _conic_slopes(k)
-        # Nothing changes along k's own scale, which is held.
-        fixed = k * [1, 1, 1, 2, 2, 2]
-        normal = jacobian.T @ jacobian + barrier.bend(k)
-        normal += np.outer(fixed, fixed) * (np.trace(normal) / (fixed @ fixed))
-        # The floor is for l₂₂ = 0, a parabola, where its column is empty.
-        weights = np.diag(np.diag(normal) + 1e-9 * np.trace(normal))
-        gradient = jacobian.T @ r
-        while damping < 1e12:
-            step = -np.linalg.solve(normal + damping * weights, gradient)
-            new = _conic(k + step)
-            new_r, new_slopes = residuals(new)
-            after = new_r @ new_r
-            if after <= before and _inside(new) < 0:
-                break
-            damping = max(10 * damping, 1e-12)
-        else:
-            break
-        moved = np.abs(step).max() / np.abs(k).max()
-        damping, gain, before = damping / 10, before - after, after
-        k, r, slopes = _factored(new), new_r, new_slopes * np.linalg.norm(new)
-        if moved < 1e-11 or gain == 0:
-            break
-    return _ellipse_or_refusal(_conic(k))
-
-
-def _pull(z: np.ndarray, scale: np.ndarray, conic: np.ndarray, barrier: _Barrier) -> float:
-    """How far the barrier moves the conic (6,) to first order, in its standard errors by the points."""
-    r, slopes = _sampson(z, scale, conic)
-    own, slope = barrier.residual(conic)
-    # The sixth is the conic's own scale.
-    values, turn = np.linalg.svd(slopes, full_matrices=False)[1:]
-    moved = own * (turn[:5] @ slope) / np.maximum(values[:5], _TINY)
-    error = np.sqrt(r @ r / max(len(z) - 5, 1))
-    return float(np.linalg.norm(moved) / max(error, _TINY))
-
-
-def _factored(conic: np.ndarray) -> np.ndarray:
-    """(l₁₁, l₂₁, l₂₂, d, e, f) with L Lᵀ the quadratic part of the conic, at length 1."""
-    a, b, c, *rest = conic / np.linalg.norm(conic)
-    first = np.sqrt(a)
-    second = b / 2 / first
-    return np.array([first, second, np.sqrt(max(c - second**2, 0)), *rest])
-
-
-def _conic(k: np.ndarray) -> np.ndarray:
-    p, q, t, *rest = k
-    return np.array([p * p, 2 * p * q, q * q + t * t, *rest])
-
-
-def _conic_slopes(k: np.ndarray) -> np.ndarray:
-    """(6, 6) derivatives of `_conic`."""
-    p, q, t = k[:3]
-    slopes = np.eye(6)
-    slopes[:3, :3] = [[2 * p, 0, 0], [2 * q, 2 * p, 0], [0, 2 * q, 2 * t]]
-    return slopes
-
-
-def _sampson(z: np.ndarray, scale: np.ndarray, conic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed Sampson distances (N,) in the unit of the points, and their derivatives (N, 6) by the conic."""
-    x, y = z.T
-    a, b, c, d, e = conic[:5]
-    u = np.stack([x * x, x * y, y * y, x, y, np.ones_like(x)], axis=1)
-    value = u @ conic
-    gx, gy = (2 * a * x + b * y + d) / scale[0], (b * x + 2 * c * y + e) / scale[1]
-    length = np.sqrt(scale[0] * gx**2 + scale[1] * gy**2)  # of the gradient by the points' own unit
-    r = value / length
-    zero = np.zeros_like(x)
-    slope = np.stack([2 * x * gx, y * gx + x * gy, 2 * y * gy, gx, gy, zero], axis=1)
-    return r, (u - slope * (value / length**2)[:, None]) / length[:, None]
-
-
 def _placed(conic: np.ndarray, frame: np.ndarray, mean: np.ndarray) -> Ellipse:
     """The ellipse of a conic (6,) of whitened points, in the points' own plane."""
-    p, q, t = _factored(conic)[:3]
-    inside = _inside(conic / np.linalg.norm(conic))
+    p, q, t = factored(conic)[:3]
+    low = inside(conic / np.linalg.norm(conic))
     a, b, c, d, e, _ = conic
     middle = np.array([b * e - 2 * c * d, b * d - 2 * a * e]) / (4 * a * c - b * b)
-    # The ellipse is mean + frame (middle + L⁻ᵀ √−inside (cos, sin)).
-    root = frame @ np.array([[1 / p, -q / (p * t)], [0, 1 / t]]) * np.sqrt(-inside)
+    # The ellipse is mean + frame (middle + L⁻ᵀ √−low (cos, sin)).
+    root = frame @ np.array([[1 / p, -q / (p * t)], [0, 1 / t]]) * np.sqrt(-low)
     axes, semi_axes, _ = np.linalg.svd(root)
     round_ = semi_axes[0] - semi_axes[1] <= 4 * np.finfo(float).eps * semi_axes[0]
     axis = np.array([1.0, 0.0]) if round_ else axes[:, 0] * (1 if axes[0, 0] > 0 else -1)
@@ -433,7 +267,7 @@ def _covariance(ellipse: Ellipse, points: np.ndarray) -> np.ndarray:
     """(5, 5) covariance of centre, semi-axes and angle of points (N, 2)."""
     major, minor = ellipse.semi_axes
     x, y = ((points - ellipse.centre) @ ellipse._axes.T / ellipse.semi_axes).T
-    length = np.maximum(np.hypot(x / major, y / minor), _TINY)
+    length = np.maximum(np.hypot(x / major, y / minor), TINY)
     normal = np.stack([x / major, y / minor], axis=1) / length[:, None]
     # How far the curve moves outwards at each point, by parameter; angles in units of the major axis.
     turned = (normal[:, 1] * x * major - normal[:, 0] * y * minor) / major
