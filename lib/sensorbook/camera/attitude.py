@@ -18,6 +18,7 @@ from sensorbook.camera.sun import SUN_RADIUS, Sun, find_sun
 from sensorbook.errors import Refusal
 
 _APART = np.radians(1.0)  # an ellipsoid's limb, and clouds on it, are a tenth of that off
+_MISTAKEN = 0.1  # pixels to one of the lens's spread, by which edges may be off together
 _NEAR = 3.0  # pixels beyond the Sun's rim that the ground's glow may fill
 _WHOLE = 0.7  # of the edge points on the limb: fewer may be of one of another size
 _MORE = 1.3  # times as many points on another limb
@@ -196,6 +197,9 @@ def _joint(matrix, limb, camera, to_sun, sun_std, position, sun, semi_axes):
         if angle < 1e-9:
             break
     covariance = np.linalg.inv(normal)
+    # Thin haze looks like a lens, and puts the edges elsewhere.
+    shift = _MISTAKEN * limb.lens * np.median(np.linalg.norm(across, axis=-1))
+    covariance[:3, :3] += shift**2 * np.eye(3)
     return matrix, covariance[:3, :3], (float(height), float(np.sqrt(covariance[3, 3])))
 
 

@@ -49,18 +49,20 @@ class Edges:
     pixels : (N, 2)
     inward : (N, 2), unit vectors in the image from dark to bright
     sigma : (N,), pixels, standard error of the place along `inward`, from noise over the edge's steepness
+    lens : pixels, point spread that their profiles were fitted with
     """
 
     pixels: np.ndarray
     inward: np.ndarray
     sigma: np.ndarray
+    lens: float = 0.0
 
     def some(self, most: int) -> Edges:
         """At most so many of them, evenly."""
         if len(self.pixels) <= most:
             return self
         chosen = np.linspace(0, len(self.pixels) - 1, most).astype(int)
-        return Edges(self.pixels[chosen], self.inward[chosen], self.sigma[chosen])
+        return Edges(self.pixels[chosen], self.inward[chosen], self.sigma[chosen], self.lens)
 
 
 def find_edges(
@@ -136,9 +138,8 @@ def placed(
     beyond = np.arange(len(along)) > values.argmax(axis=-1)[:, None] + 1
     seen = ~(thin[:, None] & beyond)
     values = values * seen
-    place, model, heights, size = _profiles(
-        values, seen, along, _lens(values, seen, along, _LENSES[-1] if soft else _MOST_LENS)
-    )
+    lens = _lens(values, seen, along, _LENSES[-1] if soft else _MOST_LENS)
+    place, model, heights, size = _profiles(values, seen, along, lens)
     grain = grain / (2 * np.sqrt(np.pi) * _PROFILE_BLUR) / np.sqrt(together)
     # Neighbours along the profile share their noise; where the profile fits worse than noise lets it, the
     # ground's own pattern is in it.
@@ -150,7 +151,10 @@ def placed(
     rise = model.max(axis=-1) - heights[:, 0]
     good = (np.abs(place) < 4.0) & (sigma < 1.5) & (rise > _RISE * grain)
     return Edges(
-        edges.pixels[good] + place[good, None] * edges.inward[good], edges.inward[good], sigma[good]
+        edges.pixels[good] + place[good, None] * edges.inward[good],
+        edges.inward[good],
+        sigma[good],
+        lens,
     )
 
 

@@ -57,6 +57,7 @@ class Limb:
     rays, across : (N, 3), lines of sight through them, and how these turn over a pixel inward
     status : "ok", or why there is none
     scale : pixels of the image to one of the smaller image that the limb was found in
+    lens : pixels, point spread that the edges were fitted with
     """
 
     direction: np.ndarray | None
@@ -71,6 +72,7 @@ class Limb:
     rays: np.ndarray | None = None
     across: np.ndarray | None = None
     scale: int = 1
+    lens: float = 0.0
 
     @property
     def std(self) -> float | None:
@@ -155,7 +157,7 @@ def fit_limb(
     across = camera.rays(edges.pixels + step * edges.inward) - rays
     across /= step  # how the line of sight turns over a pixel, inward
     known = np.isfinite(across).all(axis=-1)  # not where a distortion turns back
-    edges = Edges(edges.pixels[known], edges.inward[known], edges.sigma[known])
+    edges = Edges(edges.pixels[known], edges.inward[known], edges.sigma[known], edges.lens)
     rays, across = rays[known], across[known]
     count = len(edges.pixels)
     nothing = np.zeros(count, dtype=bool), np.full(count, np.nan)
@@ -195,6 +197,7 @@ def fit_limb(
         edges.sigma,
         rays,
         across,
+        lens=edges.lens,
     )
 
 
