@@ -16,6 +16,7 @@ PRESETS = {  # each a module here, but for those of `_ORBITS`
     "positions": "an IMU laid down by hand in 25 attitudes, and levelled on its six faces",
     "phone": "work B's phone: six faces, 23 attitudes and a check, as a recorder's SQLite files",
     "rotation": "a magnetometer and an accelerometer turned by hand through all attitudes",
+    "trajectory": "work C's poor gyroscope turned for three minutes beside a reference, and at rest",
     "leo": "work C's Earth and Sun cameras, one for both and a pair, 2000 km above the ground",
     "meo": "the same at 20 000 km",
     "geo": "the same at 35 786 km",
