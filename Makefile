@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 PYTHON ?= python3
 BIN := .venv/bin
-DEMOS := data/ahrs-demo data/positions-demo data/rotation-demo data/leo-demo
+DEMOS := data/ahrs-demo data/positions-demo data/rotation-demo data/leo-demo data/trajectory-demo
 
 .PHONY: report book test lab bench format
 .DELETE_ON_ERROR:
