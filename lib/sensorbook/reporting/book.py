@@ -8,7 +8,6 @@ import re
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -24,7 +23,6 @@ from sensorbook.reporting.work import (
     Task,
     open_source,
     same_ids,
-    side_by_side,
     work_off,
 )
 
@@ -96,11 +94,12 @@ def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said)
             for kind in KINDS:
                 (folder / f"{chapter.slug}.{kind}").unlink(missing_ok=True)
             continue
-        name = f"{FOLDER}/{chapter.slug}" + (f" on {source.id} {sensor}" if source else "")
-        tasks.append(Task(chapter, source, sensor, (), folder, out / FOLDER, name, place))
+        name = f"{FOLDER}/{chapter.slug}" + (f" on {source.id}" if source else "")
+        name += f" {sensor}" if source and sensor != chapters.ATTITUDE else ""
+        tasks.append(Task(chapter, source, sensor, {}, folder, out / FOLDER, name, place))
     said.total = len(tasks)
     try:
-        side_by_side((partial(work_off, line, tree, said) for line in _lines(tasks)), jobs)
+        work_off(_lines(tasks), tree, jobs, said)
     finally:
         for name in sorted(earlier - _pages(folder)):
             said.line(f"{out / FOLDER / name}: removed: it was of an earlier book")
@@ -155,7 +154,7 @@ def _shown_on(chapter: Chapter, devices: list[Source]) -> tuple[Source | None, s
 
 
 def _why_unfed(chapter: Chapter) -> str:
-    *others, last = chapter.sensors
+    *others, last = (chapter.reads,) if chapter.reads else chapter.sensors
     listed = f"{', '.join(others)} or {last}" if others else last
     return f'no device given has a recording of kind "{chapter.kind}" of the {listed}: name one that has'
 
@@ -163,14 +162,22 @@ def _why_unfed(chapter: Chapter) -> str:
 def _lines(tasks: list[Task]) -> list[list[Task]]:
     """Tasks that are worked off one after the other: those of one sensor of one device.
 
-    A later one may read the records of the earlier ones, and of no others: they are of its sensor.
+    A chapter may read the records of those that are shown on the same device and the sensor it needs
+    them of, and no others.
     """
+    shown = {(task.source.id, task.sensor, task.chapter.slug) for task in tasks if task.source}
     lines: dict[Any, list[Task]] = {}
     for task in tasks:
-        alone = task.source is None
-        key = task.chapter.slug if alone else (task.source.id, task.sensor)
-        line = lines.setdefault(key, [])
-        line.append(replace(task, needs=tuple(earlier.chapter.slug for earlier in line)))
+        if task.source is None:
+            lines[task.chapter.slug] = [task]
+            continue
+        needs = {
+            slug: f"{slug}.json"
+            for sensor, slug in task.chapter.needed(task.sensor or "")
+            if (task.source.id, sensor, slug) in shown
+        }
+        line = lines.setdefault((task.source.id, task.sensor), [])
+        line.append(replace(task, needs=needs))
     return list(lines.values())
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 NOTEBOOKS = Path(__file__).resolve().parents[3] / "notebooks"
 INERTIAL_AND_MAGNETIC = ("accelerometer", "gyroscope", "magnetometer")
+ATTITUDE = "attitude"  # stands in a sensor's place for a chapter over several of them
 
 
 @dataclass(frozen=True)
@@ -19,9 +21,12 @@ class Chapter:
     notebook : its file
     title : as the reports show it
     kind : kind of recording it reads; "" for a chapter that needs no device
-    sensors : sensors it is for; none for a chapter that needs no device
-    needs : slugs of the chapters whose records it reads, as the parameters `<slug>_record`
-    result : key of its main result under `sensors.<sensor>` in results.json; "" for none there
+    sensors : sensors it is for; none for a chapter that needs no device, `ATTITUDE` for one over several
+    needs : chapters whose records it reads, as the parameters `<slug>_record`: "<slug>" of its own
+        sensor, "<sensor>/<slug>" of another
+    result : key of its main result under `sensors.<sensor>` in results.json, or under `attitude`; ""
+        for none there
+    reads : sensor whose recordings of that kind it reads; "" for those of its own
     """
 
     slug: str
@@ -31,11 +36,18 @@ class Chapter:
     sensors: tuple[str, ...]
     needs: tuple[str, ...]
     result: str
+    reads: str = ""
 
     @property
     def needs_device(self) -> bool:
         """False where it has no recording to read: such a chapter stands in the book alone."""
         return bool(self.kind)
+
+    def needed(self, sensor: str) -> Iterator[tuple[str, str]]:
+        """Sensor and slug of each chapter whose record it reads where it is run for `sensor`."""
+        for need in self.needs:
+            other, _, slug = need.rpartition("/")
+            yield other or sensor, slug
 
 
 CHAPTERS = (
@@ -191,5 +203,40 @@ CHAPTERS = (
         sensors=(),
         needs=(),
         result="",
+    ),
+    Chapter(
+        slug="propagation",
+        notebook=NOTEBOOKS / "18_propagation.ipynb",
+        title="Propagation",
+        kind="",
+        sensors=(),
+        needs=(),
+        result="",
+    ),
+    Chapter(
+        slug="aided_attitude",
+        notebook=NOTEBOOKS / "19_aided_attitude.ipynb",
+        title="Gyroscope aided by a reference",
+        kind="",
+        sensors=(),
+        needs=(),
+        result="",
+    ),
+    Chapter(
+        slug="integrated_attitude",
+        notebook=NOTEBOOKS / "20_integrated_attitude.ipynb",
+        title="Integrated attitude",
+        kind="trajectory",
+        sensors=(ATTITUDE,),
+        needs=(
+            "gyroscope/noise",
+            "gyroscope/thermal",
+            "gyroscope/gyroscope_calibration",
+            "accelerometer/multi_position",
+            "accelerometer/six_position",
+            "magnetometer/magnetometer",
+        ),
+        result="methods",
+        reads="gyroscope",
     ),
 )

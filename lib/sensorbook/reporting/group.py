@@ -19,6 +19,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from sensorbook import units
+from sensorbook.reporting import attitudes
 from sensorbook.reporting.calibrations import (
     AXES,
     axes_of,
@@ -27,6 +28,7 @@ from sensorbook.reporting.calibrations import (
     whole,
 )
 from sensorbook.reporting.cameras import STATISTICS, camera_numbers
+from sensorbook.reporting.chapters import ATTITUDE
 from sensorbook.reporting.render import TEMPLATES, page
 from sensorbook.reporting.results import overall
 from sensorbook.reporting.spread import spread_of
@@ -49,7 +51,7 @@ class Value:
     """A device's worst axis of one quantity, in the field's unit; `error` is of its logarithm."""
 
     number: float
-    axis: str = ""
+    axis: str = ""  # or, of an attitude, the rate of its reference
     error: float = 0.0
     verdict: str | None = None
     bound: str = ""  # "≤ 0.3" where it is judged
@@ -98,7 +100,8 @@ def group_page(root: Path) -> str:
     spreads = [
         (model, found)
         for model, members in models
-        if (found := [s for c in columns if (s := spread_of(members, c)) is not None])
+        # An attitude's error hangs on the motion and the references, which devices do not share.
+        if (found := [s for c in columns if c[0] != ATTITUDE and (s := spread_of(members, c))])
     ]
     script = (TEMPLATES / "group.js").read_text(encoding="utf-8")
     attention = [row for row in rows if row.attention]
@@ -113,9 +116,9 @@ def group_page(root: Path) -> str:
         spreads=spreads,
         models=[(model, _summary(members), Markup("").join(_table_row(r, columns) for r in members))
                 for model, members in models],
-        kinds={"camera" if sensor == "camera" else "axes" for sensor, _ in columns},
+        kinds={sensor if sensor in ("camera", ATTITUDE) else "axes" for sensor, _ in columns},
         several=len(models) > 1 or bool(models and models[0][0]),
-        columns=[(*c, _title(c), units.field_unit(*c)[0].removesuffix("1")) for c in columns],
+        columns=[(*c, _title(c), _unit(c)) for c in columns],
         count=len(rows),
         book=(root / "book" / "index.html").is_file(),
         script=Markup(script),
@@ -172,6 +175,8 @@ def _read(folder: str, found: dict[str, Any]) -> Row:
         for quantity in WHOLE:
             if _finite(value := whole(result, quantity)):
                 row.values[str(sensor), quantity] = Value(value / _scale(str(sensor), quantity))
+    if (error := attitudes.real_time_error(found)) is not None:
+        row.values[ATTITUDE, attitudes.QUANTITY] = Value(*error)
     if row.values.get(("camera", "solved_percent"), Value(100)).number == 0:
         row.unsolved = True
         row.reasons.append("camera: none of its images is solved")
@@ -275,8 +280,16 @@ def _scale(sensor: str, quantity: str) -> float:
 
 def _title(column: Column) -> str:
     """What stands over a column; of a camera's, which number of all its images it is."""
+    if column[0] == ATTITUDE:
+        return attitudes.TITLE
     statistic = STATISTICS.get(column[1], "") if column[0] == "camera" else ""
     return f"{judged_name(*column)}, {statistic}" if statistic else judged_name(*column)
+
+
+def _unit(column: Column) -> str:
+    if column[0] == ATTITUDE:
+        return attitudes.UNIT
+    return units.field_unit(*column)[0].removesuffix("1")
 
 
 def _columns(rows: Sequence[Row]) -> list[Column]:
@@ -284,7 +297,7 @@ def _columns(rows: Sequence[Row]) -> list[Column]:
     there = {key for row in rows for key in row.values}
     return [
         (sensor, quantity)
-        for sensor in (*units.SENSOR_UNITS, "camera")
+        for sensor in (*units.SENSOR_UNITS, "camera", ATTITUDE)
         for quantity in dict.fromkeys((*USUAL, *sorted(q for s, q in there if s == sensor)))
         if (sensor, quantity) in there
     ]

@@ -12,6 +12,7 @@ from typing import Any
 
 from sensorbook import units
 from sensorbook.notebook import duration_words
+from sensorbook.reporting.attitudes import attitude_table
 from sensorbook.reporting.calibration_table import calibration_table
 from sensorbook.reporting.calibrations import AXES, CALIBRATED
 from sensorbook.reporting.cameras import camera_table, cameras_alone
@@ -80,6 +81,7 @@ def device_page(
             if (listed := [_warning(w) for w in found["warnings"] if w["sensor"] == sensor])
         ],
         sensors=sensors,
+        attitude=attitude_table(found),
         unjudged=sorted(
             {(check["sensor"], judged_name(check["sensor"], check["quantity"])) for check in other}
         ),

@@ -10,6 +10,7 @@ from typing import Any
 
 from sensorbook import units
 from sensorbook.reporting import chapters
+from sensorbook.reporting.attitudes import QUANTITY, mean_errors, spreadsheet_words
 from sensorbook.reporting.calibrations import (
     AXES,
     CALIBRATED,
@@ -30,7 +31,7 @@ def dumps(value: Any) -> str:
 
 
 def sensors() -> tuple[str, ...]:
-    """Every sensor that some chapter is for."""
+    """Every sensor that some chapter is for, `chapters.ATTITUDE` among them."""
     return tuple(dict.fromkeys(s for chapter in chapters.CHAPTERS for s in chapter.sensors))
 
 
@@ -88,12 +89,18 @@ def assemble(
     """
     result_of = {chapter.slug: chapter.result for chapter in chapters.CHAPTERS}
     found: dict[str, dict] = {}
+    attitude: dict[str, Any] = {}
     inputs: list[dict] = []
     warnings: list[dict] = []
     listed = []
     for record in records:
         sensor, slug, status = record["sensor"], record["chapter"], record["status"]
-        if status == "complete":
+        if sensor == chapters.ATTITUDE:
+            if status == "complete":
+                attitude = record["results"]
+            elif status == "refused":
+                attitude = {"reason": record["reason"]}
+        elif status == "complete":
             merge(found.setdefault(sensor, {}), record["results"])
         elif status == "refused":
             reason = {"reason": record["reason"]}
@@ -127,6 +134,7 @@ def assemble(
         "created": created,
         "inputs": inputs,
         "sensors": found,
+        **({"attitude": attitude} if attitude else {}),
         "checks": [
             _doubted(check, inputs)
             for sensor, limits in device["spec"].items()
@@ -176,6 +184,10 @@ def csv_text(found: dict[str, Any]) -> str:
                         writer.writerow(
                             (found["device"]["id"], sensor, axis, quantity, method, *row)
                         )
+    for method, rate, error in mean_errors(found):
+        if error is not None and (words := spreadsheet_words(method, rate)):
+            row = (found["device"]["id"], chapters.ATTITUDE, "", QUANTITY, words)
+            writer.writerow((*row, *_csv_row(chapters.ATTITUDE, QUANTITY, error)))
     return text.getvalue()
 
 

@@ -6,7 +6,6 @@ import json
 import os
 import sys
 from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -21,7 +20,6 @@ from sensorbook.reporting.work import (
     Task,
     open_source,
     same_ids,
-    side_by_side,
     work_off,
 )
 
@@ -97,13 +95,21 @@ def _run(
             name = f"{device.id} {sensor}/"
             planned.append(
                 [
-                    Task(c, device, sensor, c.needs, folder, shown_in, name + c.slug)
+                    Task(
+                        c,
+                        device,
+                        sensor,
+                        _needs(c, device, sensor),
+                        folder,
+                        shown_in,
+                        name + c.slug,
+                    )
                     for c in fed
                     if not only or c.slug in only
                 ]
             )
     said.total = sum(map(len, planned))
-    side_by_side((partial(work_off, tasks, tree, said) for tasks in planned), jobs)
+    work_off(planned, tree, jobs, said)
     found = []
     for device in ready:
         fed = [c for c in chapters.CHAPTERS if any(device.feeds(c, s) for s in c.sensors)]
@@ -116,6 +122,19 @@ def _run(
     tree.write(tree.root / "index.html", group.group_page(tree.root))
     said.line(f"{out / 'index.html'}")
     return found
+
+
+def _needs(chapter: chapters.Chapter, device: Source, sensor: str) -> dict[str, str]:
+    """Where the records lie that a chapter reads, as `Task.needs`: those that the device feeds now.
+
+    What lies there of a recording that it has no more is removed at the end.
+    """
+    table = {c.slug: c for c in chapters.CHAPTERS}
+    return {
+        slug: f"{slug}.json" if other == sensor else f"../{other}/{slug}.json"
+        for other, slug in chapter.needed(sensor)
+        if slug in table and device.feeds(table[slug], other)
+    }
 
 
 def _has_place(device: Source, tree: Tree, said: Said) -> bool:

@@ -9,9 +9,10 @@ import tempfile
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -23,7 +24,7 @@ from sensorbook.errors import InputError
 from sensorbook.guessing import guess_rows, told
 from sensorbook.recordings.checks import RESERVED_IDS
 from sensorbook.reporting import execute, render, results
-from sensorbook.reporting.chapters import Chapter
+from sensorbook.reporting.chapters import ATTITUDE, Chapter
 from sensorbook.reporting.tree import Tree
 
 KINDS = ("html", "json", "ipynb")  # a chapter's page, record and executed notebook
@@ -44,7 +45,8 @@ class Source:
     parsed: bool = True
 
     def feeds(self, chapter: Chapter, sensor: str) -> bool:
-        return sensor in chapter.sensors and (sensor, chapter.kind) in self.recorded
+        read = (chapter.reads or sensor, chapter.kind)
+        return sensor in chapter.sensors and read in self.recorded
 
 
 class Said:
@@ -133,7 +135,7 @@ def same_ids(sources: list[Source], said: Said) -> bool:
     return False
 
 
-def side_by_side(calls: Iterable[Callable[[], None]], jobs: int) -> None:
+def _side_by_side(calls: Iterable[Callable[[], None]], jobs: int) -> None:
     """Makes all calls, `jobs` at a time; when one raises, or on an interrupt, every kernel ends."""
     execute.allow_kernels()
     with ThreadPoolExecutor(max_workers=jobs) as pool:
@@ -154,7 +156,8 @@ class Task:
     ----------
     chapter : which
     source, sensor : what it is run on; None for a chapter that needs no device
-    needs : slugs of chapters whose records in `folder`, if there, are of this device and sensor
+    needs : where, seen from `folder`, the records lie that it may read: those of this device, if
+        there, by the slug of their chapter
     folder : where its files go, and its kernel works
     shown_in : the same folder as the user named it
     name : what it is called in messages
@@ -164,14 +167,28 @@ class Task:
     chapter: Chapter
     source: Source | None
     sensor: str | None
-    needs: tuple[str, ...]
+    needs: dict[str, str]
     folder: Path
     shown_in: Path
     name: str
     book: dict[str, Any] | None = None
 
 
-def work_off(tasks: Iterable[Task], tree: Tree, said: Said) -> None:
+def work_off(lines: Sequence[Sequence[Task]], tree: Tree, jobs: int, said: Said) -> None:
+    """Works off lines of tasks side by side, `jobs` at a time; a line is of one sensor of one device.
+
+    Those over several sensors come after all the others, whose records they read.
+    """
+    for over_several in (False, True):
+        now = [
+            partial(_work_off, line, tree, said)
+            for line in lines
+            if any(task.sensor == ATTITUDE for task in line) is over_several
+        ]
+        _side_by_side(now, jobs)
+
+
+def _work_off(tasks: Iterable[Task], tree: Tree, said: Said) -> None:
     """Works off chapters in order: later ones read the records of earlier."""
     for task in tasks:
         began = time.monotonic()
@@ -187,11 +204,13 @@ def _parameters(task: Task) -> dict[str, str]:
         return {}
     # Relative to the notebook's own folder, so that it runs again from there.
     device = os.path.relpath(task.source.path, task.folder)
-    given = {"device": device, "sensor": task.sensor or ""}
-    for need in task.chapter.needs:
+    given = {"device": device}
+    if task.sensor != ATTITUDE:
+        given["sensor"] = task.sensor or ""
+    for _, slug in task.chapter.needed(task.sensor or ""):
         # A refused chapter's record, too: this one says why it goes on without.
-        there = need in task.needs and (task.folder / f"{need}.json").is_file()
-        given[f"{need}_record"] = f"{need}.json" if there else ""
+        path = task.needs.get(slug, "")
+        given[f"{slug}_record"] = path if path and (task.folder / path).is_file() else ""
     return given
 
 
