@@ -1,0 +1,114 @@
+"""Attitude by the gyroscope alone, by work C's correction (5.3, 5.4) and by a complementary filter.
+
+The methods without a covariance: what they take from a reference does not hang on how good it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sensorbook.attitude.aiding import Attitudes, Motion, References
+from sensorbook.attitude.propagation import propagate
+
+
+def integrate(motion: Motion, references: References, bias: np.ndarray | float = 0.0) -> Attitudes:
+    """The gyroscope alone, from the first reference on; `bias` (3,) rad/s is taken out of it."""
+    first = int(references.at[0])
+    turned = motion.increments - np.multiply.outer(motion.steps, np.broadcast_to(bias, 3))
+    quaternion = np.full((len(motion.time), 4), np.nan)
+    quaternion[first:] = propagate(turned[first:], references.quaternion[0])
+    return Attitudes(quaternion)
+
+
+def reset(motion: Motion, references: References) -> Attitudes:
+    """Work C's correction: the attitude's difference over Δt is taken for an error of the next rate.
+
+    With A_i the integrated and A_a the reference matrix, body → reference, A_iᵀ A_a ≈ I + [Ω×] (5.3,
+    corrected), and w_ε = Ω/Δt (5.4) changes the next reading alone: a reset, one step late. Ω is the
+    whole rotation vector, which (5.3) gives for small differences.
+    """
+    return _corrected(motion, references, 1.0, 0.0)
+
+
+def reset_and_rate(motion: Motion, references: References) -> Attitudes:
+    """The other reading of work C: the correction also stays in the rates, spread over its cause.
+
+    What the attitude was off by grew since the reference before: Ω over the time between the two is
+    kept as the gyroscope's bias. Kept as Ω/Δt, as (5.4) has it, it would turn the body by Ω in every
+    step.
+    """
+    return _corrected(motion, references, 1.0, 1.0)
+
+
+def complementary(
+    motion: Motion, references: References, attitude_gain: float, time_constant: float
+) -> Attitudes:
+    """A complementary filter with a bias: high frequencies from the gyroscope, low from the reference.
+
+    At each reference the attitude goes `attitude_gain` of the way, and the bias learns the rest over
+    `time_constant`: b ← b + β δ/T with β = α (1 − exp(−T/τ)), never more than damps critically,
+    2 − α − 2 √(1 − α) (the α-β filter; Mahony, Hamel & Pflimlin 2008 in continuous time).
+
+    Parameters
+    ----------
+    attitude_gain : α, above 0 and up to 1, at which the reference is taken as it is
+    time_constant : τ, s
+    """
+    if not 0 < attitude_gain <= 1:
+        raise ValueError(f"attitude_gain is {attitude_gain}: give more than 0 and up to 1")
+    if not time_constant > 0:
+        raise ValueError(f"time_constant is {time_constant}: give more than 0 s")
+    return _corrected(motion, references, attitude_gain, None, time_constant)
+
+
+def steady_gain(random_walk: float, reference_std: float, period: float) -> float:
+    """α of a Kalman filter that has settled, for one axis without bias.
+
+    `random_walk` N, rad/s/√Hz; `reference_std` rad; `period` between references, s. With
+    λ = N² T/σ²: α = (√(λ² + 4 λ) − λ)/2.
+    """
+    if reference_std <= 0:
+        return 1.0
+    ratio = random_walk**2 * period / reference_std**2
+    # Written so that it goes to 1, and not to inf − inf, for large ratios.
+    return 2 * ratio / (np.sqrt(ratio**2 + 4 * ratio) + ratio)
+
+
+def _corrected(
+    motion: Motion,
+    references: References,
+    gain: float,
+    rate_gain: float | None,
+    time_constant: float = np.inf,
+) -> Attitudes:
+    """All of them: `rate_gain` β, or None for that of a complementary filter.
+
+    The correction found at a reference turns the body in the step after it (work C's one step late)
+    where the gain is C's; a complementary filter corrects at once.
+    """
+    late = rate_gain is not None
+    count, steps = len(motion.time), motion.steps
+    quaternion, biases = np.full((count, 4), np.nan), np.full((count, 3), np.nan)
+    bias, pending = np.zeros(3), np.zeros(3)
+    at = references.quaternion[0]
+    for k, (here, now) in enumerate(zip(references.at, references.quaternion, strict=True)):
+        if k:
+            off = (Rotation.from_quat(now).inv() * Rotation.from_quat(at)).as_rotvec()
+            period = motion.time[here] - motion.time[references.at[k - 1]]
+            share = rate_gain
+            if not late:
+                share = gain * -np.expm1(-period / time_constant)
+                share = min(share, 2 - gain - 2 * np.sqrt(1 - gain))
+                at = (Rotation.from_quat(at) * Rotation.from_rotvec(-gain * off)).as_quat()
+            else:
+                pending = -off
+            bias = bias + share * off / period
+        end = references.at[k + 1] if k + 1 < len(references) else count - 1
+        turned = motion.increments[here:end] - np.multiply.outer(steps[here:end], bias)
+        if late and len(turned):
+            turned[0] += pending
+        quaternion[here : end + 1] = propagate(turned, at)
+        biases[here : end + 1] = bias
+        at = quaternion[end]
+    return Attitudes(quaternion, None if rate_gain == 0 else biases)

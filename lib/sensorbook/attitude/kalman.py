@@ -1,0 +1,265 @@
+"""A multiplicative extended Kalman filter with bias states, and its smoother.
+
+The attitude is a quaternion; the filter's state is what is wrong with it and with the bias. The
+attitude's error ψ is kept in reference axes, R_est = exp(ψ) R_true for R body → reference, where it
+does not turn with the body: over a step of length h, with readings ω + b + n,
+
+    ψ ← ψ − S β + S n,   S = ∫ R dt,   β ← β + w
+
+for the error β of the bias. The noise n gives N²/h to each reading, w gives K² h (Lefferts, Markley &
+Shuster 1982; Markley 2003). What is given out is in body axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, sin, sqrt
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sensorbook.attitude.aiding import Attitudes, GyroscopeNoise, Motion, References
+
+
+@dataclass(frozen=True, eq=False)
+class _Pass:
+    """A forward pass over n stamps from the first reference on; errors in reference axes.
+
+    quaternion (n, 4), bias (n, 3) and covariance (n, 6, 6) are those after the update; `carried`
+    (n − 1, 3, 3) is S of each step, `step` and `update` (n, 6) what the references changed.
+    """
+
+    first: int
+    quaternion: np.ndarray
+    bias: np.ndarray
+    covariance: np.ndarray
+    carried: np.ndarray
+    update: np.ndarray
+
+
+def mekf(
+    motion: Motion,
+    references: References,
+    noise: GyroscopeNoise,
+    bias: np.ndarray | float = 0.0,
+) -> Attitudes:
+    """Attitude and bias with their covariance, each from the readings and references up to its stamp.
+
+    Starts at the first reference; before it nothing is known. `bias` (3,) rad/s is what is known of
+    the bias before, with the standard error `noise.bias_std`; 0 for the latter is the filter that
+    knows the bias.
+
+    Raises
+    ------
+    ValueError
+        there is no reference
+    """
+    return _given_out(len(motion.time), _forward(motion, references, noise, bias))
+
+
+def smoother(
+    motion: Motion,
+    references: References,
+    noise: GyroscopeNoise,
+    bias: np.ndarray | float = 0.0,
+) -> Attitudes:
+    """The same from all readings and references, before and after (Rauch, Tung & Striebel 1965).
+
+    The filter runs twice: the second time from the bias that the first found, so that its errors are
+    small from the start, where the backward pass is linear in them.
+    """
+    found = _forward(motion, references, noise, bias)
+    if np.any(noise.bias_std):
+        found = _forward(motion, references, noise, _backward(found, motion, noise).bias[0])
+    return _given_out(len(motion.time), _backward(found, motion, noise))
+
+
+def _forward(
+    motion: Motion, references: References, noise: GyroscopeNoise, bias: np.ndarray | float
+) -> _Pass:
+    if not len(references):
+        raise ValueError("there is no reference: the attitude has no start")
+    first = int(references.at[0])
+    steps, lost = motion.steps[first:], motion.lost[first:]
+    n = len(motion.time) - first
+    drift = np.diag(np.broadcast_to(noise.rate_random_walk, 3) ** 2)
+
+    quaternions, biases = np.empty((n, 4)), np.empty((n, 3))
+    covariances, carried = np.empty((n, 6, 6)), np.empty((n - 1, 3, 3))
+    updates = np.zeros((n, 6))
+
+    turn = Rotation.from_quat(references.quaternion).as_matrix()
+    errors = turn @ references.covariance @ np.swapaxes(turn, -1, -2)  # in reference axes
+    measured = references.quaternion.tolist()
+    waiting = dict(zip((references.at - first).tolist(), range(len(references)), strict=True))
+
+    at = tuple(measured[0])
+    bias = np.array(np.broadcast_to(bias, 3), dtype=float)
+    a, b = errors[0], np.zeros((3, 3))
+    d = np.diag(np.broadcast_to(noise.bias_std, 3).astype(float) ** 2)
+    matrix = _matrix(at)
+    bx, by, bz = bias.tolist()
+    increments, lengths = motion.increments[first:].tolist(), steps.tolist()
+    missing, identity = lost.tolist(), np.eye(3)
+    noises = _white(motion, noise)[first:] / steps[:, None]  # S has a factor h on either side
+
+    quaternions[0], biases[0] = at, bias
+    covariances[0, :3, :3], covariances[0, :3, 3:] = a, b
+    covariances[0, 3:, :3], covariances[0, 3:, 3:] = b.T, d
+    for k in range(1, n):
+        x, y, z = increments[k - 1]
+        h = lengths[k - 1]
+        at = _turned(at, x - bx * h, y - by * h, z - bz * h)
+        before, matrix = matrix, _matrix(at)
+        s = (before + matrix) * (h / 2)
+        carried[k - 1] = s
+        a = a - s @ b.T
+        b = b - s @ d
+        a = a - (b - s * noises[k - 1]) @ s.T
+        if missing[k - 1]:
+            a = a + missing[k - 1] * identity
+        d = d + drift * h
+        here = waiting.get(k)
+        if here is not None:
+            off = _difference(at, measured[here])
+            r = errors[here]
+            weight = np.linalg.inv(a + r)
+            g = weight @ b
+            weighted = weight @ off
+            turned, changed = a @ weighted, b.T @ weighted
+            # (I − K) A = R (A + R)⁻¹ A, which does not cancel where the reference is near exact.
+            a = a @ weight @ r
+            a = (a + a.T) / 2
+            d = d - b.T @ g
+            b = r @ g
+            bias = bias - changed
+            bx, by, bz = bias.tolist()
+            at = _corrected(at, *turned.tolist())
+            matrix = _matrix(at)
+            updates[k, :3], updates[k, 3:] = turned, changed
+        quaternions[k], biases[k] = at, bias
+        kept = covariances[k]
+        kept[:3, :3], kept[:3, 3:], kept[3:, :3], kept[3:, 3:] = a, b, b.T, d
+    return _Pass(first, quaternions, biases, covariances, carried, updates)
+
+
+def _backward(found: _Pass, motion: Motion, noise: GyroscopeNoise) -> _Pass:
+    """Rauch, Tung and Striebel's pass from the end to the start, in errors of the forward one."""
+    n = len(found.quaternion)
+    steps, lost = motion.steps[found.first :], motion.lost[found.first :]
+    forward = np.tile(np.eye(6), (n - 1, 1, 1))
+    forward[:, :3, 3:] = -found.carried
+    predicted = forward @ found.covariance[:-1] @ np.swapaxes(forward, -1, -2)
+    white = _white(motion, noise)[found.first :] / steps[:, None]
+    predicted[:, :3, :3] += (found.carried * white[:, None, :]) @ np.swapaxes(
+        found.carried, -1, -2
+    ) + lost[:, None, None] * np.eye(3)
+    drift = np.broadcast_to(noise.rate_random_walk, 3) ** 2
+    predicted[:, 3:, 3:] += np.diag(drift) * steps[:, None, None]
+    # A bias that is known has no variance to invert: the pseudo-inverse leaves it alone.
+    gain = found.covariance[:-1] @ np.swapaxes(forward, -1, -2) @ _inverse(predicted)
+
+    off = np.zeros(6)  # of the smoothed from the filtered: what is still wrong with the latter
+    offs, covariance = np.zeros((n, 6)), np.array(found.covariance)
+    changed = found.update.any(axis=1).tolist()
+    for k in range(n - 2, -1, -1):
+        if changed[k + 1]:
+            off = _joined(off, found.update[k + 1])
+        off = gain[k] @ off
+        offs[k] = off
+        covariance[k] += gain[k] @ (covariance[k + 1] - predicted[k]) @ gain[k].T
+    turned = Rotation.from_rotvec(-offs[:, :3]) * Rotation.from_quat(found.quaternion)
+    bias = found.bias - offs[:, 3:]
+    return _Pass(found.first, turned.as_quat(), bias, covariance, found.carried, found.update)
+
+
+def _white(motion: Motion, noise: GyroscopeNoise) -> np.ndarray:
+    """(N − 1, 3) rad²/s: by how much the attitude's variance grows a second, in each step."""
+    still = np.broadcast_to(noise.random_walk, 3) ** 2
+    speed = (motion.increments**2).sum(axis=1) / motion.steps**2
+    return still + noise.in_motion**2 * speed[:, None]
+
+
+def _joined(off: np.ndarray, update: np.ndarray) -> np.ndarray:
+    """What is wrong with the prediction: first the update, then what is wrong after it."""
+    turned = Rotation.from_rotvec(update[:3]) * Rotation.from_rotvec(off[:3])
+    return np.concatenate([turned.as_rotvec(), update[3:] + off[3:]])
+
+
+def _inverse(matrices: np.ndarray) -> np.ndarray:
+    """Inverses of covariances (n, 6, 6), scaled to unit diagonals before; zero for what is known."""
+    size = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
+    scale = np.where(size > 0, 1 / np.where(size > 0, size, 1), 0.0)
+    scaled = matrices * scale[:, :, None] * scale[:, None, :]
+    scaled += np.where(size > 0, 0.0, 1.0)[:, :, None] * np.eye(6)
+    return np.linalg.inv(scaled) * scale[:, :, None] * scale[:, None, :]
+
+
+def _given_out(count: int, found: _Pass) -> Attitudes:
+    """The result with the covariance in body axes, NaN before the first reference."""
+    quaternion, bias = np.full((count, 4), np.nan), np.full((count, 3), np.nan)
+    covariance = np.full((count, 6, 6), np.nan)
+    quaternion[found.first :], bias[found.first :] = found.quaternion, found.bias
+    to_body = np.swapaxes(Rotation.from_quat(found.quaternion).as_matrix(), -1, -2)
+    turn = np.tile(np.eye(6), (len(to_body), 1, 1))
+    turn[:, :3, :3] = to_body
+    covariance[found.first :] = turn @ found.covariance @ np.swapaxes(turn, -1, -2)
+    return Attitudes(quaternion, bias, covariance)
+
+
+# ---- single quaternions as tuples: a tenth of the time that arrays of four take ----
+
+
+def _turned(q: tuple, x: float, y: float, z: float) -> tuple:
+    """q turned by a small rotation vector in body axes, q exp(φ)."""
+    return _product(q, _exponential(x, y, z))
+
+
+def _corrected(q: tuple, x: float, y: float, z: float) -> tuple:
+    """exp(−ψ) q: an error ψ in reference axes taken out, and the length made 1."""
+    a, b, c, w = _product(_exponential(-x, -y, -z), q)
+    size = sqrt(a * a + b * b + c * c + w * w)
+    return a / size, b / size, c / size, w / size
+
+
+def _exponential(x: float, y: float, z: float) -> tuple:
+    size = sqrt(x * x + y * y + z * z)
+    if size < 1e-8:
+        return x / 2, y / 2, z / 2, 1.0
+    factor = sin(size / 2) / size
+    return x * factor, y * factor, z * factor, cos(size / 2)
+
+
+def _product(p: tuple, q: tuple) -> tuple:
+    """Hamilton's product, scalar last: as scipy's Rotation multiplies."""
+    a, b, c, d = p
+    x, y, z, w = q
+    return (
+        d * x + a * w + b * z - c * y,
+        d * y - a * z + b * w + c * x,
+        d * z + a * y - b * x + c * w,
+        d * w - a * x - b * y - c * z,
+    )
+
+
+def _difference(q: tuple, other: list) -> np.ndarray:
+    """(3,) rotation vector in reference axes that turns `other` into q."""
+    x, y, z, w = other
+    a, b, c, d = _product(q, (-x, -y, -z, w))
+    if d < 0:
+        a, b, c, d = -a, -b, -c, -d
+    size = sqrt(a * a + b * b + c * c)
+    factor = 2.0 if size < 1e-9 else 2 * np.arctan2(size, d) / size
+    return np.array([a * factor, b * factor, c * factor])
+
+
+def _matrix(q: tuple) -> np.ndarray:
+    """(3, 3), body → reference."""
+    x, y, z, w = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
