@@ -1,6 +1,6 @@
 """Preset `trajectory`: work C's experiment (5.2.1) as a device, a poor gyroscope beside a reference.
 
-C takes rates recorded elsewhere and does not print them; here the motion is stated (`attitude`, `place`)
+C takes the rates of a recording, as if they were exact, and does not print them; here the motion is stated (`attitude`, `place`)
 and no draw changes it. The tangent frame at the preset's site counts as inertial: the Earth's rate,
 0.004 °/s, is left out, which is nothing beside a bias of 2 °/s. Nothing here comes from the estimators.
 """
@@ -19,7 +19,7 @@ from sensorbook.simulate.noise import coloured_noise
 from sensorbook.simulate.positions import DEVICE
 from sensorbook.simulate.rotation import SITE
 
-# Work C, 5.2.1: the sampling interval, and what is added to the gyroscope's true rates.
+# Work C: the sampling interval (5.2.2), and what is added to the gyroscope's true rates (table 5.1).
 C_STEP = 0.035  # s
 C_RANDOM_WALK = 0.001**0.5  # rad/s/√Hz: 0.001 (rad/s)²/Hz, two-sided; 0.169 rad/s a sample
 C_BIAS = (0.03, 0.04, -0.01)  # rad/s
