@@ -1,8 +1,9 @@
 """Preset `trajectory`: work C's experiment (5.2.1) as a device, a poor gyroscope beside a reference.
 
-C takes the rates of a recording, as if they were exact, and does not print them; here the motion is stated (`attitude`, `place`)
-and no draw changes it. The tangent frame at the preset's site counts as inertial: the Earth's rate,
-0.004 °/s, is left out, which is nothing beside a bias of 2 °/s. Nothing here comes from the estimators.
+C takes the rates of a recording as if they were exact, and does not print them; here the motion is stated
+(`attitude`, `place`) and no draw changes it. The tangent frame at the preset's site counts as inertial:
+the Earth's rate, 0.004 °/s, is left out, which is nothing beside a bias of 3 °/s. Nothing here comes from
+the estimators.
 """
 
 from __future__ import annotations
