@@ -102,6 +102,12 @@ class GyroscopeNoise:
     bias_std: float | tuple[float, float, float] = 0.03
     in_motion: float = 0.0
 
+    def growth(self, motion: Motion) -> np.ndarray:
+        """(N − 1, 3) rad²/s: by how much the attitude's variance grows a second, in each step."""
+        still = np.broadcast_to(self.random_walk, 3) ** 2
+        speed = (motion.increments**2).sum(axis=1) / motion.steps**2
+        return still + self.in_motion**2 * speed[:, None]
+
 
 @dataclass(frozen=True, eq=False)
 class Attitudes:

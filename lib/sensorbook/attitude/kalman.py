@@ -13,7 +13,7 @@ Shuster 1982; Markley 2003). What is given out is in body axes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin, sqrt
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -95,17 +95,17 @@ def _forward(
 
     at = tuple(measured[0])
     bias = np.array(np.broadcast_to(bias, 3), dtype=float)
-    a, b = errors[0], np.zeros((3, 3))
-    d = np.diag(np.broadcast_to(noise.bias_std, 3).astype(float) ** 2)
-    matrix = _matrix(at)
     bx, by, bz = bias.tolist()
+    p = np.zeros((6, 6))
+    p[:3, :3] = errors[0]
+    p[3:, 3:] = np.diag(np.broadcast_to(noise.bias_std, 3).astype(float) ** 2)
+    matrix = _matrix(at)
+    forward = np.eye(6)
     increments, lengths = motion.increments[first:].tolist(), steps.tolist()
     missing, identity = lost.tolist(), np.eye(3)
-    noises = _white(motion, noise)[first:] / steps[:, None]  # S has a factor h on either side
+    white = noise.growth(motion)[first:] / steps[:, None]  # S has a factor h on either side
 
-    quaternions[0], biases[0] = at, bias
-    covariances[0, :3, :3], covariances[0, :3, 3:] = a, b
-    covariances[0, 3:, :3], covariances[0, 3:, 3:] = b.T, d
+    quaternions[0], biases[0], covariances[0] = at, bias, p
     for k in range(1, n):
         x, y, z = increments[k - 1]
         h = lengths[k - 1]
@@ -113,33 +113,27 @@ def _forward(
         before, matrix = matrix, _matrix(at)
         s = (before + matrix) * (h / 2)
         carried[k - 1] = s
-        a = a - s @ b.T
-        b = b - s @ d
-        a = a - (b - s * noises[k - 1]) @ s.T
+        forward[:3, 3:] = -s
+        p = forward @ p @ forward.T
+        p[:3, :3] += (s * white[k - 1]) @ s.T
+        p[3:, 3:] += drift * h
         if missing[k - 1]:
-            a = a + missing[k - 1] * identity
-        d = d + drift * h
+            p[:3, :3] += missing[k - 1] * identity
         here = waiting.get(k)
         if here is not None:
-            off = _difference(at, measured[here])
             r = errors[here]
-            weight = np.linalg.inv(a + r)
-            g = weight @ b
-            weighted = weight @ off
-            turned, changed = a @ weighted, b.T @ weighted
-            # (I − K) A = R (A + R)⁻¹ A, which does not cancel where the reference is near exact.
-            a = a @ weight @ r
-            a = (a + a.T) / 2
-            d = d - b.T @ g
-            b = r @ g
-            bias = bias - changed
-            bx, by, bz = bias.tolist()
-            at = _corrected(at, *turned.tolist())
+            weighted = _inverse_of_three(p[:3, :3] + r) @ p[:3]  # Kᵀ
+            change = _difference(at, measured[here]) @ weighted
+            # (I − K) P = R (P + R)⁻¹ P, which does not cancel where the reference is near exact.
+            upper = r @ weighted
+            p = p - p[:, :3] @ weighted
+            p[:3], p[3:, :3] = upper, upper[:, 3:].T
+            x, y, z, *_ = turned = change.tolist()
+            at = _corrected(at, x, y, z)
+            bx, by, bz = bx - turned[3], by - turned[4], bz - turned[5]
             matrix = _matrix(at)
-            updates[k, :3], updates[k, 3:] = turned, changed
-        quaternions[k], biases[k] = at, bias
-        kept = covariances[k]
-        kept[:3, :3], kept[:3, 3:], kept[3:, :3], kept[3:, 3:] = a, b, b.T, d
+            updates[k] = change
+        quaternions[k], biases[k], covariances[k] = at, (bx, by, bz), p
     return _Pass(first, quaternions, biases, covariances, carried, updates)
 
 
@@ -150,7 +144,7 @@ def _backward(found: _Pass, motion: Motion, noise: GyroscopeNoise) -> _Pass:
     forward = np.tile(np.eye(6), (n - 1, 1, 1))
     forward[:, :3, 3:] = -found.carried
     predicted = forward @ found.covariance[:-1] @ np.swapaxes(forward, -1, -2)
-    white = _white(motion, noise)[found.first :] / steps[:, None]
+    white = noise.growth(motion)[found.first :] / steps[:, None]
     predicted[:, :3, :3] += (found.carried * white[:, None, :]) @ np.swapaxes(
         found.carried, -1, -2
     ) + lost[:, None, None] * np.eye(3)
@@ -173,17 +167,10 @@ def _backward(found: _Pass, motion: Motion, noise: GyroscopeNoise) -> _Pass:
     return _Pass(found.first, turned.as_quat(), bias, covariance, found.carried, found.update)
 
 
-def _white(motion: Motion, noise: GyroscopeNoise) -> np.ndarray:
-    """(N − 1, 3) rad²/s: by how much the attitude's variance grows a second, in each step."""
-    still = np.broadcast_to(noise.random_walk, 3) ** 2
-    speed = (motion.increments**2).sum(axis=1) / motion.steps**2
-    return still + noise.in_motion**2 * speed[:, None]
-
-
 def _joined(off: np.ndarray, update: np.ndarray) -> np.ndarray:
     """What is wrong with the prediction: first the update, then what is wrong after it."""
-    turned = Rotation.from_rotvec(update[:3]) * Rotation.from_rotvec(off[:3])
-    return np.concatenate([turned.as_rotvec(), update[3:] + off[3:]])
+    turned = _logarithm(*_product(_exponential(*update[:3]), _exponential(*off[:3])))
+    return np.concatenate([turned, update[3:] + off[3:]])
 
 
 def _inverse(matrices: np.ndarray) -> np.ndarray:
@@ -200,10 +187,12 @@ def _given_out(count: int, found: _Pass) -> Attitudes:
     quaternion, bias = np.full((count, 4), np.nan), np.full((count, 3), np.nan)
     covariance = np.full((count, 6, 6), np.nan)
     quaternion[found.first :], bias[found.first :] = found.quaternion, found.bias
-    to_body = np.swapaxes(Rotation.from_quat(found.quaternion).as_matrix(), -1, -2)
-    turn = np.tile(np.eye(6), (len(to_body), 1, 1))
-    turn[:, :3, :3] = to_body
-    covariance[found.first :] = turn @ found.covariance @ np.swapaxes(turn, -1, -2)
+    turn = Rotation.from_quat(found.quaternion).as_matrix()
+    back, known = np.swapaxes(turn, -1, -2), covariance[found.first :]
+    known[:] = found.covariance
+    known[:, :3, :3] = back @ known[:, :3, :3] @ turn
+    known[:, :3, 3:] = back @ known[:, :3, 3:]
+    known[:, 3:, :3] = np.swapaxes(known[:, :3, 3:], -1, -2)
     return Attitudes(quaternion, bias, covariance)
 
 
@@ -245,12 +234,25 @@ def _product(p: tuple, q: tuple) -> tuple:
 def _difference(q: tuple, other: list) -> np.ndarray:
     """(3,) rotation vector in reference axes that turns `other` into q."""
     x, y, z, w = other
-    a, b, c, d = _product(q, (-x, -y, -z, w))
-    if d < 0:
-        a, b, c, d = -a, -b, -c, -d
-    size = sqrt(a * a + b * b + c * c)
-    factor = 2.0 if size < 1e-9 else 2 * np.arctan2(size, d) / size
-    return np.array([a * factor, b * factor, c * factor])
+    return np.array(_logarithm(*_product(q, (-x, -y, -z, w))))
+
+
+def _logarithm(x: float, y: float, z: float, w: float) -> tuple:
+    """The rotation vector of a quaternion, up to π long."""
+    if w < 0:
+        x, y, z, w = -x, -y, -z, -w
+    size = sqrt(x * x + y * y + z * z)
+    factor = 2.0 if size < 1e-9 else 2 * atan2(size, w) / size
+    return x * factor, y * factor, z * factor
+
+
+def _inverse_of_three(matrix: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric (3, 3) matrix, by its cofactors."""
+    (a, b, c), (_, d, e), (_, _, f) = matrix.tolist()
+    x, y, z = d * f - e * e, c * e - b * f, b * e - c * d
+    u, v, w = a * f - c * c, b * c - a * e, a * d - b * b
+    size = a * x + b * y + c * z
+    return np.array([[x, y, z], [y, u, v], [z, v, w]]) / size
 
 
 def _matrix(q: tuple) -> np.ndarray:
