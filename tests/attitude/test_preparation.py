@@ -1,6 +1,7 @@
 """From device files of a trajectory to the methods' arrays: what is wrong is told, the rest is used."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from sensorbook.attitude.preparation import (
 from sensorbook.attitude.propagation import propagate
 from sensorbook.attitude.rotations import quaternion_from_matrix
 from sensorbook.recordings.clock import measured_rate
+from sensorbook.simulate import simulate, trajectory
 
 RATE, ROWS = 50.0, 1000
 TURN = np.array([0.3, -0.2, 0.5])  # rad/s, constant: the attitude at t is exp(TURN t)
@@ -422,6 +424,18 @@ def test_a_reference_that_is_not_unit(device, time, factor):
     )
 
 
+def test_more_than_1_percent_of_wild_rows_are_no_accident(device, time):
+    reference = attitudes(time)
+    reference[:10, 1:] *= 3
+    assert (
+        "10 rows of the reference no unit quaternion"
+        in track_of(device(reference=reference)).notes[0]
+    )
+    reference[10, 1:] *= 3
+    with pytest.raises(InputError, match="off by more than 5 %: 11 of 1000 rows"):
+        track_of(device(reference=reference))
+
+
 def test_a_constant_reference_is_one(device, time):
     reference = np.column_stack([time, np.tile([0.5, -0.5, 0.5, 0.5], (ROWS, 1))])
     found = track_of(device(reference=reference))
@@ -473,6 +487,9 @@ def test_references_just_beyond_the_ends_are_used_and_farther_ones_are_not(time)
     assert at.tolist() == [0, 999]
     apart = Rotation.from_quat(true(time[at])).inv() * Rotation.from_quat(quaternion)
     assert apart.magnitude().max() < 1e-12
+    own = np.array([-0.6, 500, 999.6]) / RATE
+    at, _ = on_stamps(taken, ReferenceTrack(own, true(own)), motion(taken))
+    assert at.tolist() == [500]
 
 
 def test_of_two_references_at_one_stamp_the_nearer_is_taken(time):
@@ -484,14 +501,14 @@ def test_of_two_references_at_one_stamp_the_nearer_is_taken(time):
     assert quaternion == pytest.approx(marked[[1, 3]], abs=1e-12)
 
 
-def test_no_reference_is_moved_within_a_lost_step(device, time):
-    """Those at the gap's two ends are at a stamp: rounding may put them within."""
-    made = device(rates(np.delete(time, np.s_[301:550])), attitudes(time[::5] + 1e-7))
+@pytest.mark.parametrize(("late", "used"), [(0.0, True), (1e-7, True), (0.006, False)])
+def test_no_reference_is_moved_within_a_lost_step(device, time, late, used):
+    """One as good as at the gap's first stamp is there; 0.3 of an interval into the gap is lost."""
+    made = device(rates(np.delete(time, np.s_[301:551])), attitudes(time[::5] + late))
     taken = gyroscope_of(made)
     at, _ = on_stamps(taken, track_of(made), motion(taken))
-    assert taken.time[at] == pytest.approx(
-        time[::5][(time[::5] <= 6) | (time[::5] >= 11)], abs=1e-9
-    )
+    there = time[::5][(time[::5] < 6) | ((time[::5] == 6) & used) | (time[::5] > 11.01)]
+    assert taken.time[at] == pytest.approx(there, abs=1e-9)
 
 
 def test_no_overlap_is_refused_with_both_spans(device, time):
@@ -531,6 +548,42 @@ def test_vectors_across_a_long_gap_are_not_known(device, time):
 def test_vectors_at_another_time_are_not_known(device, time):
     made = device(accelerometer=forces(time + 500))
     assert np.isnan(vectors_on_stamps(gyroscope_of(made), made.accelerometer.trajectory)).all()
+
+
+# ---- work C's experiment, as a device ----
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    return simulate(tmp_path_factory.mktemp("devices") / "poor", "trajectory", seed=4)
+
+
+def test_the_simulated_reference_is_the_truth_but_for_its_error(simulated):
+    """The file holds reference_to_body; none from 12 to 20 s, and 3 % missing elsewhere."""
+    device = sensorbook.load(simulated)
+    taken, track = gyroscope_of(device), track_of(device)
+    moved = motion(taken, delay=0.0175)
+    at, quaternion = on_stamps(taken, track, moved)
+    assert taken.notes == ()
+    assert re.fullmatch(
+        r"\d+ of the reference's \d+ rows \(\d.\d %\) hold no attitude: left out.", track.notes[0]
+    )
+    assert not ((taken.time[at] >= 12) & (taken.time[at] < 20)).any()
+    truth = trajectory.motion()
+    error = Rotation.from_quat(truth.true[at]).inv() * Rotation.from_quat(quaternion)
+    # 15 000 white errors: their rms within 4 standard errors, 4/√(2 · 15 000)
+    rms = np.sqrt((error.as_rotvec() ** 2).mean())
+    assert rms == pytest.approx(trajectory.REFERENCE_ERROR, rel=0.024)
+
+
+def test_its_rates_declared_as_radians(simulated, tmp_path):
+    shutil.copytree(simulated, tmp_path / "poor")
+    toml = tmp_path / "poor" / "device.toml"
+    text = toml.read_text()
+    assert text.count('unit = "deg/s"') == 1
+    toml.write_text(text.replace('unit = "deg/s"', 'unit = "rad/s"'))
+    with pytest.raises(InputError, match=r'gyroscope: unit: .*write unit = "deg/s"'):
+        gyroscope_of(sensorbook.load(tmp_path / "poor"))
 
 
 # ---- whatever is in the files ----
