@@ -191,6 +191,27 @@ def load_runs(
     return source, kept, tuple(r for r in ready if r.declaration.get("check"))
 
 
+def calibrated(recording: sensorbook.Recording, *records: str) -> sensorbook.Recording:
+    """The recording corrected with the first of some chapters' calibrations; says what was done.
+
+    `records` are paths, "" for a chapter that there is none of; a chapter that was refused is none.
+    """
+    from sensorbook.apply import correct
+
+    for found in filter(None, map(read_record, records)):
+        result = found.get("results", {}).get("calibration") or {}
+        if found["status"] != "complete" or not result.get("method"):
+            continue
+        corrected, steps, notes, _ = correct(recording, {"calibration": result})
+        say("The {sensor} is corrected with the {steps} of this device.",
+            sensor=recording.sensor, steps=" and the ".join(steps))  # fmt: skip
+        for note in notes:
+            warn(note[0].upper() + note[1:] + ".", recording.file)
+        return corrected
+    say("No calibration of the {sensor} is at hand: it stays as it is.", sensor=recording.sensor)
+    return recording
+
+
 def also_read(runs: Iterable[sensorbook.Recording]) -> None:
     """Says which recordings were read beside the chapter's own, and records them as inputs."""
     inputs = [run.provenance() for run in runs]

@@ -10,6 +10,7 @@ and timing err by while the body turns (`GyroscopeNoise`). Short windows show σ
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -45,6 +46,7 @@ class Disagreement:
     std : standard errors of the four, in this order, by the jackknife
     bias : (3,) rad/s, of the gyroscope over the record
     duration : s, from the first reference to the last
+    motion_share : c² times the mean square rate, rad²/s: beside N², what the motion adds
     """
 
     window: np.ndarray
@@ -57,6 +59,7 @@ class Disagreement:
     std: tuple[float, float, float, float]
     bias: np.ndarray
     duration: float
+    motion_share: float
 
 
 def disagreement(
@@ -89,6 +92,7 @@ def disagreement(
     return Disagreement(
         window, rms, explained, *map(float, root), tuple(map(float, std)), bias,
         float(stamps[-1] - stamps[0]),
+        float(terms[2] * np.mean((motion.increments**2).sum(axis=1) / motion.steps**2)),
     )  # fmt: skip
 
 
@@ -229,3 +233,12 @@ def _fit(pairs: _Pairs, bias: np.ndarray, random_walk: float | None):
         size = np.maximum(rows @ terms, 1e-3 * seen)
     explained = windows[:, 2:] @ terms
     return terms, windows[:, 0], np.sqrt(windows[:, 1]), np.sqrt(explained)
+
+
+def noise_terms(noise: Mapping | None) -> tuple[tuple[float, ...] | None, tuple[float, ...] | None]:
+    """N and K by axis, SI, of `noise` in the record of a noise chapter; None where an axis lacks one."""
+    found = []
+    for term in ("random_walk", "rate_random_walk"):
+        entries = [(noise or {}).get(axis, {}).get(term) for axis in "xyz"]
+        found.append(tuple(e["value"] for e in entries) if all(entries) else None)
+    return tuple(found)

@@ -188,7 +188,7 @@ def _no_number(file: str, reference, bad: np.ndarray, series, what: str) -> Inpu
 
 
 def _column_fault(column: np.ndarray, sensor: str) -> tuple[str, str] | None:
-    minimum = 2 if sensor == "temperature" else MINIMUM_SAMPLES
+    minimum = 2 if sensor in ("temperature", "reference") else MINIMUM_SAMPLES
     if len(column) < minimum:
         return f"holds {len(column)} samples", f"record at least {minimum}"
     finite = column[np.isfinite(column)]
