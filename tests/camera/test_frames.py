@@ -54,6 +54,10 @@ def test_one_camera(tmp_path, seed):
     assert abs(found - radius) < 6 * std + 0.05  # haze is free: it may come out as some km
     assert record["sun_direction"] @ moment.attitude @ moment.sun == pytest.approx(1, abs=1e-6)
     assert (record["partner"], record["note"]) == (None, None)
+    assert record["time"] == moment.time.replace("Z", ".000000Z")
+    assert np.array_equal(record["attitude_covariance"], frame.covariance)
+    std = np.degrees(np.sqrt(np.diag(record["attitude_covariance"])))
+    assert record["attitude_std_deg"] == pytest.approx(std)
 
 
 @pytest.mark.parametrize("known", [("time",), ("place",), ("time", "truth")])
@@ -62,7 +66,9 @@ def test_without_time_or_place_directions_alone(tmp_path, known):
     frame = one_image(tmp_path, image, [moment.row("a.png", known)])
     record = frame.record()
     assert frame.status == "ok"
-    assert (record["quaternion"], record["attitude_std_deg"], record["error_deg"]) == (None,) * 3
+    for name in ("quaternion", "attitude_std_deg", "attitude_covariance", "error_deg"):
+        assert record[name] is None
+    assert (record["time"] is None) == ("time" not in known)
     off = np.arccos(frame.earth_direction @ moment.down(ONE))
     assert off < 6 * frame.earth_std
     assert record["earth_direction_std_deg"] == pytest.approx(np.degrees(frame.earth_std))
@@ -140,7 +146,8 @@ def test_a_bad_image_has_its_reason(tmp_path, kind, posed):
     frame = one_image(tmp_path, make(), [taken(0)[0].row("a.png")] if posed else ())
     assert frame.status == f"no solution: {reason}"
     record = frame.record()
-    assert [k for k, v in record.items() if v is not None] == ["image", "status", "sees"]
+    told = ["image", "time", "status", "sees"] if posed else ["image", "status", "sees"]
+    assert [k for k, v in record.items() if v is not None] == told
 
 
 def test_a_small_disc_is_no_earth_where_the_place_is_known(tmp_path):

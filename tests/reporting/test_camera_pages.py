@@ -23,14 +23,15 @@ SOFTWARE = dict.fromkeys(("sensorbook", "python", "numpy", "scipy"), "1")
 EMPTY = dict.fromkeys(
     ("earth_direction", "earth_direction_std_deg", "earth_angular_radius_deg",
      "earth_angular_radius_std_deg", "limb_residual_px", "sun_direction", "sun_direction_std_deg",
-     "quaternion", "attitude_std_deg", "error_deg", "partner", "note")
+     "quaternion", "attitude_std_deg", "attitude_covariance", "error_deg", "partner", "note", "time")
 )  # fmt: skip
 SOLVED = {
     "image": "a.png", "status": "ok", "sees": "both", "earth_direction": [0.6, 0.0, 0.8],
     "earth_direction_std_deg": 0.02, "earth_angular_radius_deg": 49.6, "earth_angular_radius_std_deg": 0.05,
     "limb_residual_px": 0.3, "sun_direction": [0.0, 0.6, 0.8], "sun_direction_std_deg": 0.005,
     "quaternion": [0.0, 0.6, 0.0, 0.8], "attitude_std_deg": [0.03, 0.04, 0.0], "error_deg": 0.04,
-    "partner": None, "note": "12 bits are read as 8",
+    "attitude_covariance": [[2.7e-7, 0.0, 0.0], [0.0, 4.9e-7, 0.0], [0.0, 0.0, 0.0]],
+    "time": "2024-05-01T12:00:00.250000Z", "partner": None, "note": "12 bits are read as 8",
 }  # fmt: skip
 # A pair's two images, one attitude, and three that gave nothing.
 PAIR = [
@@ -87,6 +88,7 @@ def test_the_schema_takes_a_refusal():
         {"status": None}, {"status": ""}, {"image": 3}, {"sees": "moon"}, {"earth_direction": [0, 1]},
         {"earth_angular_radius_deg": 90}, {"earth_angular_radius_deg": 0}, {"earth_direction_std_deg": -1},
         {"quaternion": [0, 0, 1]}, {"attitude_std_deg": [1, 2]}, {"error_deg": "0.1"}, {"partner": 2},
+        {"attitude_covariance": [1e-7, 1e-7, 1e-7]}, {"time": 1714564800.0}, {"time": "yesterday"},
     ],
 )  # fmt: skip
 def test_the_schema_refuses(change):

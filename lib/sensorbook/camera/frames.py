@@ -75,6 +75,7 @@ class Frame:
         found = self.limb is not None and self.limb.direction is not None
         return {
             "image": self.image,
+            "time": None if self.pose.time is None else f"{self.pose.time}Z",
             "status": self.status,
             "sees": self.sees,
             "earth_direction": self.earth_direction,
@@ -90,6 +91,7 @@ class Frame:
             "attitude_std_deg": (
                 None if self.matrix is None else np.degrees(np.sqrt(np.diag(self.covariance)))
             ),
+            "attitude_covariance": None if self.matrix is None else self.covariance,
             "error_deg": None if self.error is None else _degrees(np.linalg.norm(self.error)),
             "partner": self.partner or None,
             "note": self.note or None,
