@@ -242,6 +242,7 @@ class Consistency:
     inside : share of the stamps within them, about 0.95 where the covariance is right
     mean, mean_low, mean_high : mean over runs and stamps, and its 95 % interval by the scatter of the
         runs, which are independent while stamps are not
+    error : mean of the whole angle's error, rad
     """
 
     nees: np.ndarray
@@ -251,12 +252,15 @@ class Consistency:
     mean: float
     mean_low: float
     mean_high: float
+    error: float
 
 
 def consistency(runs: Sequence[Run], rate: float, noise: GyroscopeNoise) -> Consistency:
     """Of the MEKF with references at `rate` (Hz), tuned by `noise`; two runs or more."""
     count = len(runs)
-    each = np.array([estimate(run, "mekf", rate, noise).nees(run.true) for run in runs])
+    found = [estimate(run, "mekf", rate, noise) for run in runs]
+    each = np.array([a.nees(run.true) for a, run in zip(found, runs, strict=True)])
+    sizes = [np.linalg.norm(a.errors(run.true), axis=1) for a, run in zip(found, runs, strict=True)]
     nees = each.mean(axis=0)
     low, high = stats.chi2.ppf([0.025, 0.975], 3 * count) / count
     means = each.mean(axis=1)
@@ -269,6 +273,7 @@ def consistency(runs: Sequence[Run], rate: float, noise: GyroscopeNoise) -> Cons
         float(means.mean()),
         float(means.mean() - half),
         float(means.mean() + half),
+        float(np.mean(sizes)),
     )
 
 

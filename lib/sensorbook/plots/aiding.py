@@ -35,6 +35,7 @@ STYLES = {
 }
 SHADE = 1.96  # standard errors: 95 %
 _ANGLES = ("angle 1, roll", "angle 2, pitch", "angle 3, yaw")
+_ABOVE = {"fontsize": 8, "loc": "lower right", "bbox_to_anchor": (1, 1), "borderaxespad": 0.3}
 _TUNINGS = (COLOURS["x"], SECOND, ACCENT, COLOURS["z"])
 
 
@@ -70,7 +71,7 @@ def plot_angles(
         a.plot(time, _unbroken(found[:, k]), color=COLOURS["y"], lw=1.1, label="integrated")
         a.set_ylabel(f"{name} [°]")
         grid(a)
-    axes[0].legend(fontsize=8, ncols=2, loc="upper right")
+    axes[0].legend(ncols=2, **_ABOVE)
     axes[-1].set_xlabel("time [s]")
     return axes
 
@@ -94,7 +95,7 @@ def plot_errors(
         a.set_ylabel(f"{name} [°]")
         grid(a)
     if std is not None:
-        axes[0].legend(fontsize=8, loc="upper right")
+        axes[0].legend(**_ABOVE)
     axes[-1].set_xlabel("time [s]")
     return axes
 
@@ -137,7 +138,7 @@ def plot_bias(
         axes.axhline(true[k], color=colour, lw=0.9, ls=":")
     late = slice(len(time) // 15, None)  # the first second's band would hide the rest
     axes.set_ylim((bias - half)[late].min(), (bias + half)[late].max())
-    axes.legend(fontsize=8, ncols=3)
+    axes.legend(ncols=3, **_ABOVE)
     return labelled(axes, "time [s]", "bias [°/s]")
 
 
@@ -152,7 +153,7 @@ def plot_consistency(
     for colour, (name, each) in zip(_TUNINGS, found.items(), strict=False):
         axes.plot(time, each.nees, color=colour, lw=0.9, label=name)
     axes.set_yscale("log")
-    axes.legend(fontsize=8, loc="upper right", ncols=2)
+    axes.legend(ncols=4, **_ABOVE)
     labelled(axes, "time [s]", "normalised error squared")
     return axes
 
