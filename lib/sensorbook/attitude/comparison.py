@@ -7,8 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensorbook.attitude.aiding import Accuracy, Attitudes, GyroscopeNoise, Motion, accuracy
+from sensorbook.attitude.aiding import (
+    Accuracy,
+    Attitudes,
+    GyroscopeNoise,
+    Motion,
+    References,
+    accuracy,
+)
 from sensorbook.attitude.experiment import NEVER, RATES, Run, c_experiment, estimate
+from sensorbook.attitude.measured import widen
 from sensorbook.attitude.propagation import propagate
 
 FEWEST = 3  # references that a rate must give
@@ -44,6 +52,16 @@ class Entry:
             "updates": self.updates,
             "samples": found.samples if known else None,
         }
+
+
+@dataclass(frozen=True, eq=False)
+class CorrelatedRun(Run):
+    """A run whose references' errors last: those that are taken are widened, or they would count as
+    independent."""
+
+    def at(self, rate: float, outage: Sequence[float] | None = None) -> References:
+        """As `Run` has it, widened."""
+        return widen(super().at(rate, outage), self.motion.time)
 
 
 def rates_of(run: Run) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sensorbook.attitude.aiding import References
-from sensorbook.attitude.measured import align_frames, from_camera, from_gravity_and_field, widen
+from sensorbook.attitude.measured import align_frames, from_camera, from_gravity_and_field
 from sensorbook.attitude.preparation import (
     Readings,
     ReferenceTrack,
@@ -96,7 +96,7 @@ def sources(
             Source(
                 "gravity and field",
                 "vectors" if found else "",
-                widen(measured.references, read.time),
+                measured.references,
                 measured.notes,
             )
         )

@@ -27,6 +27,9 @@ BINS = 4  # of each window's length, by how much the body turned
 BLOCKS = 8  # of the record, left out one at a time for the standard errors (jackknife)
 WILD = 6.0  # robust standard deviations: beyond, a reference is an outlier
 ALIKE = 3.0  # the root of so many independent windows is the most that one length counts
+# Of a calibrated consumer gyroscope: 0.01 °/s/√Hz (data sheets have 0.004 to 0.02), and a scale factor
+# off by 0.2 % for a second at a time.
+TYPICAL_RANDOM_WALK, TYPICAL_IN_MOTION = np.radians(0.01), 2e-3
 FEWEST = 30  # windows of the shortest length that are needed
 
 
@@ -115,6 +118,20 @@ def tuned(
         shown = found.rate_random_walk > 2 * found.std[3]
         rate_random_walk = max(found.rate_random_walk if shown else 0.0, unseen)
     return GyroscopeNoise(white, rate_random_walk, bias_std, found.in_motion)
+
+
+def assumed(
+    duration: float,
+    random_walk: float | tuple[float, float, float] | None = None,
+    rate_random_walk: float | tuple[float, float, float] | None = None,
+    bias_std: float = 0.05,
+) -> GyroscopeNoise:
+    """What a filter is given where no reference is good enough to show it: N and K of the noise
+    chapters where known, those of a consumer's gyroscope else. `duration` s, of the record."""
+    white = TYPICAL_RANDOM_WALK if random_walk is None else random_walk
+    if rate_random_walk is None:
+        rate_random_walk = float(np.mean(white)) / duration
+    return GyroscopeNoise(white, rate_random_walk, bias_std, TYPICAL_IN_MOTION)
 
 
 @dataclass(frozen=True, eq=False)
