@@ -30,11 +30,10 @@ LEAST_STD = 1e-4  # rad: nobody mounts such a sensor better
 QUIETEST = 0.2  # share of the record's blocks, those whose length scatters least
 BLOCK, LEAST_BLOCK = 0.5, 5  # s, and readings
 UNEVEN = 0.1  # share by which an uncalibrated compass's field varies, least to greatest
-EXPLAINED = (
-    0.7  # share of its variance that the attitude explains where the device's own iron makes it
-)
+EXPLAINED = 0.7  # share of its variance that the attitude explains where iron on board makes it
 CORRELATION = 0.5  # s, that accelerations of a body last
-_ROUNDS, _HUBER = 20, 1.5  # of reweighting; times the median angle
+_ROUNDS, _SETTLED = 20, 1e-7  # of reweighting, at most; rad that the mean moves in the last
+_HUBER = 1.5  # times the median angle
 _STRETCHES, _LEAST_STRETCHES = 20, 4  # whose means tell the error of a mean
 
 
@@ -244,12 +243,16 @@ def align_frames(found: ArrayLike, reference: ArrayLike) -> Alignment:
         )
     turns = Rotation.from_quat(reference[known]) * Rotation.from_quat(found[known]).inv()
     weights = np.ones(len(turns))
+    before = Rotation.identity()
     for _ in range(_ROUNDS):
         mean = turns.mean(weights)
+        moved, before = (mean * before.inv()).magnitude(), mean
         off = (turns * mean.inv()).as_rotvec()
         angle = np.linalg.norm(off, axis=1)
         limit = max(_HUBER * np.median(angle), np.finfo(float).eps)
         weights = limit / np.maximum(angle, limit)
+        if moved < _SETTLED:
+            break
     stretches = min(_STRETCHES, len(turns) // 2)
     covariance = np.full((3, 3), np.nan)
     if stretches >= _LEAST_STRETCHES:
