@@ -92,8 +92,10 @@ def test_no_correction_across_a_gap():
     assert (np.abs(added[[5, 30]]).max(axis=1) > 0).all()
 
 
-def test_two_readings_make_one_step():
+def test_two_readings_make_one_step_and_three_have_a_slope():
     assert rotation_increments([0, 2], [[1, 0, 0], [3, 0, 0]]).tolist() == [[4, 0, 0]]
+    found = rotation_increments([0, 1, 2], [[1, 0, 0], [1, 1, 0], [1, 2, 0]])
+    assert found[:, 2] == pytest.approx([1 / 12, 1 / 12])  # a × b = (1, …, 0) × (0, 1, 0)
 
 
 @pytest.mark.parametrize(
@@ -225,8 +227,13 @@ def test_rounding_in_32_and_64_bit():
 
 
 def test_arithmetic_is_of_the_type_asked_for():
-    turns = turn_matrix(np.full((5, 3), 0.1))
-    assert propagate_matrix(turns, np.eye(3), dtype=np.float32).dtype == np.float32
+    turns = turn_matrix(np.random.default_rng(48).normal(size=(50, 3)))
+    found = propagate_matrix(turns, np.eye(3), orthogonal=False, dtype=np.float32)
+    assert found.dtype == np.float32
+    at = np.eye(3, dtype=np.float32)
+    for turn in turns.astype(np.float32):
+        at = at @ turn
+    assert (found[-1] == at).all()
     assert propagate_matrix(turns, np.eye(3)).dtype == np.float64
 
 
