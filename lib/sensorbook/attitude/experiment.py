@@ -122,12 +122,15 @@ def prior_std(bias: ArrayLike, random_walk: float, seconds: float) -> float:
 
 
 def _complementary(run: Run, references: References, noise: GyroscopeNoise) -> Attitudes:
+    """Tuned as one does without a bias in the model: by the noise, but never slower than the bias."""
     if len(references) < 2:
         return integrate(run.motion, references)
     period = float(np.median(np.diff(run.motion.time[references.at])))
-    std = float(np.sqrt(np.trace(references.covariance[0]) / 3))
-    gain = steady_gain(float(np.mean(noise.random_walk)), std, period)
-    return complementary(run.motion, references, gain, TIME_CONSTANT)
+    variance = np.trace(references.covariance, axis1=1, axis2=2) / 3
+    white = float(np.sqrt(noise.growth(run.motion).mean()))
+    settled = steady_gain(white, float(np.sqrt(np.median(variance))), period)
+    slowest = -float(np.expm1(-period / TIME_CONSTANT))
+    return complementary(run.motion, references, max(settled, slowest), TIME_CONSTANT)
 
 
 METHODS: dict[str, Callable[[Run, References, GyroscopeNoise], Attitudes]] = {
@@ -330,17 +333,24 @@ def through_outage(
 ) -> Outage:
     """A method with references at `rate` (Hz) but for an outage (s).
 
-    *Before* is the mean of the four seconds up to the last reference's period, *at its end* the last stamp
-    before a reference, *after* the mean of the four seconds from then on.
+    *Before* is the mean of the four seconds before it, *at its end* the last stamp before a reference,
+    *after* the mean of the four seconds from then on.
+
+    Raises
+    ------
+    ValueError
+        no reference comes after the outage
     """
+    time, used = runs[0].motion.time, runs[0].at(rate, outage).at
+    following = used[time[used] >= outage[1]]
+    if not len(following):
+        raise ValueError("no reference comes after the outage")
     angle_1, size = [], []
     for run in runs:
         found = estimate(run, method, rate, noise, outage)
         angle_1.append(np.abs(found.euler_errors(run.true)[:, 0]))
         size.append(np.linalg.norm(found.errors(run.true), axis=1))
-    time, used = runs[0].motion.time, runs[0].at(rate, outage).at
-    following = used[time[used] >= outage[1]]
-    last = int(following[0] - 1 if len(following) else len(time) - 1)
+    last = int(following[0]) - 1
     # Two stamps on: work C's correction takes effect one step after the reference.
     parts = (
         (time >= outage[0] - 4) & (time < outage[0]),

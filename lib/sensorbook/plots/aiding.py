@@ -177,6 +177,7 @@ def plot_by_rate(
     rates: Sequence[float],
     errors: Mapping[str, Sequence[float]],
     printed: Sequence[float] | None = None,
+    angle: str = "mean error of the three angles",
     axes: Axes | None = None,
 ) -> Axes:
     """Mean errors, rad, by reference rate, Hz, of each method; `printed` are work C's own, deg."""
@@ -191,7 +192,7 @@ def plot_by_rate(
     log_log(axes)
     axes.legend(fontsize=8)
     axes.set_xlabel("references a second [Hz]")
-    axes.set_ylabel("mean error of the three angles [°]")
+    axes.set_ylabel(f"{angle} [°]")
     return axes
 
 
