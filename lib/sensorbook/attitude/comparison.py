@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from sensorbook.attitude.aiding import (
     Accuracy,
@@ -15,9 +16,23 @@ from sensorbook.attitude.aiding import (
     References,
     accuracy,
 )
-from sensorbook.attitude.experiment import NEVER, RATES, Run, c_experiment, estimate
+from sensorbook.attitude.experiment import (
+    NEVER,
+    PRINTED,
+    RATES,
+    Run,
+    c_experiment,
+    estimate,
+    prior_std,
+    study,
+)
 from sensorbook.attitude.measured import widen
 from sensorbook.attitude.propagation import propagate
+from sensorbook.attitude.rotations import euler_from_matrix, matrix_from_quaternion
+from sensorbook.attitude.sources import Source
+
+# Work C, table 5.1. Its references are exact; here they are off by 0.05° about each axis.
+C_BIAS, C_RANDOM_WALK, C_REFERENCE_STD = (0.03, 0.04, -0.01), 0.001**0.5, np.radians(0.05)
 
 FEWEST = 3  # references that a rate must give
 
@@ -55,13 +70,22 @@ class Entry:
 
 
 @dataclass(frozen=True, eq=False)
-class CorrelatedRun(Run):
+class LastingRun(Run):
     """A run whose references' errors last: those that are taken are widened, or they would count as
     independent."""
 
     def at(self, rate: float, outage: Sequence[float] | None = None) -> References:
         """As `Run` has it, widened."""
         return widen(super().at(rate, outage), self.motion.time)
+
+
+def run_of(motion: Motion, source: Source, true: Source | None) -> Run:
+    """A recording as the methods take it; the true attitudes are those of a source, or none."""
+    attitudes = np.full((len(motion.time), 4), np.nan)
+    if true is not None:
+        attitudes[true.references.at] = true.references.quaternion
+    kind = LastingRun if source.lasting else Run
+    return kind(motion, source.references, attitudes, np.full(3, np.nan))
 
 
 def rates_of(run: Run) -> tuple[float, ...]:
@@ -89,6 +113,54 @@ def compare(
     return found
 
 
+def error_table(
+    entries: Mapping[tuple[str, float], Entry], names: Mapping[str, str], expected: bool = False
+) -> pd.DataFrame:
+    """Mean errors in degrees, a row a method and a column a reference rate; or what each expects."""
+
+    def cell(entry: Entry | None) -> str:
+        size = None if entry is None else entry.expected if expected else entry.accuracy.mean
+        return "–" if size is None else f"{np.degrees(size):.3g}"
+
+    methods = dict.fromkeys(m for m, _ in entries)
+    rates = sorted({r for _, r in entries})
+    return pd.DataFrame(
+        {_of_rate(r): [cell(entries.get((m, r))) for m in methods] for r in rates},
+        index=[names[m] for m in methods],
+    )
+
+
+def euler_angles(quaternion: np.ndarray) -> np.ndarray:
+    """Roll, pitch and yaw (N, 3), rad, of attitudes (N, 4)."""
+    return euler_from_matrix("ZYX", matrix_from_quaternion(quaternion))[:, ::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Through:
+    """A method's total error through an outage, rad: (N,), the mean of the ten seconds before, the last
+    within it."""
+
+    total: np.ndarray
+    before: float
+    end: float
+
+
+def outage_errors(
+    run: Run, noise: GyroscopeNoise, rate: float, outage: Sequence[float]
+) -> dict[str, Through]:
+    """The methods with references at `rate` (Hz) and none in an outage (s); {} where nothing judges them."""
+    time, found = run.motion.time, {}
+    for method in ("reset", "reset_and_rate", "complementary", "mekf", "smoother"):
+        total = np.linalg.norm(estimate(run, method, rate, noise, outage).errors(run.true), axis=1)
+        known = np.isfinite(total)
+        before = known & (time >= outage[0] - 10) & (time < outage[0])
+        within = np.flatnonzero(known & (time >= outage[0]) & (time < outage[1]))
+        if not before.any() or not len(within):
+            return {}
+        found[method] = Through(total, float(total[before].mean()), float(total[within[-1]]))
+    return found
+
+
 def busiest(motion: Motion, seconds: float, after: float = 0.0) -> tuple[float, float] | None:
     """Start and end (s) of the stretch of so many seconds in which the body turned most, without a gap.
 
@@ -110,25 +182,64 @@ def busiest(motion: Motion, seconds: float, after: float = 0.0) -> tuple[float, 
     return start, start + seconds
 
 
-def own_experiment(
-    motion: Motion,
-    stretch: Sequence[float],
-    seeds: Iterable[int],
-    bias: Sequence[float],
-    random_walk: float,
-    reference_std: float,
-) -> list[Run]:
-    """Work C's experiment on a recording's own rates, in a stretch (s): they are the truth by (5.2).
+@dataclass(frozen=True, eq=False)
+class OwnExperiment:
+    """Work C's experiment on recorded rates: means over the three angles, rad, by method and rate.
+
+    Attributes
+    ----------
+    errors : by (method, reference rate, Hz)
+    over_printed : the reset's over those that work C prints, by `RATES`
+    filter_over_reset : the Kalman filter's over the reset's, by `RATES`
+    steepest : rad, the largest pitch, up or down; at 90° the angles are locked
+    """
+
+    errors: Mapping[tuple[str, float], float]
+    steepest: float
+
+    @property
+    def over_printed(self) -> list[float]:
+        return [np.degrees(self.errors["reset", r]) / np.mean(PRINTED[r]) for r in RATES]
+
+    @property
+    def filter_over_reset(self) -> list[float]:
+        return [self.errors["mekf", r] / self.errors["reset", r] for r in RATES]
+
+    def table(self, names: Mapping[str, str]) -> pd.DataFrame:
+        """Degrees, a row a method and a column a rate, and work C's own."""
+        methods = dict.fromkeys(m for m, _ in self.errors)
+        rows = {
+            names[m]: [
+                f"{np.degrees(self.errors[m, r]):.3g}" if (m, r) in self.errors else "–"
+                for r in (NEVER, *RATES)
+            ]
+            for m in methods
+        }
+        rows["printed by work C"] = [f"{np.mean(PRINTED[r]):.3g}" for r in (NEVER, *RATES)]
+        return pd.DataFrame(rows, index=[_of_rate(r) for r in (NEVER, *RATES)]).T
+
+
+def own_experiment(motion: Motion, stretch: Sequence[float], runs: int = 6) -> OwnExperiment:
+    """Work C's experiment on a recording's own rates in a stretch (s): they are the truth by (5.2).
 
     C, 5.2.1: the recorded rates, integrated, are truth and reference; bias and noise are added.
     """
     inside = np.flatnonzero((motion.time >= stretch[0]) & (motion.time <= stretch[1]))
     time, turned = motion.time[inside], motion.increments[inside[:-1]]
     true = propagate(turned, [0.0, 0.0, 0.0, 1.0])
-    return [
-        c_experiment(time - time[0], turned, true, seed, bias, random_walk, reference_std)
-        for seed in seeds
+    many = [
+        c_experiment(time - time[0], turned, true, seed, C_BIAS, C_RANDOM_WALK, C_REFERENCE_STD)
+        for seed in range(runs)
     ]
+    prior = prior_std(C_BIAS, C_RANDOM_WALK, stretch[1] - stretch[0])
+    noise = GyroscopeNoise(C_RANDOM_WALK, 0.0, prior)
+    found = study(many, noise, RATES, ("integration", "reset", "reset_and_rate", "mekf"))
+    errors = {key: float(summary.euler.mean()) for key, summary in found.items()}
+    return OwnExperiment(errors, float(np.abs(euler_angles(true)[:, 1]).max()))
+
+
+def _of_rate(rate: float) -> str:
+    return f"{rate:g} Hz" if rate else "never"
 
 
 def _compared(attitudes: Attitudes, true: np.ndarray) -> bool:

@@ -29,6 +29,7 @@ LEAST_DIP_GAP = np.radians(2.0)  # between gravity and field: nearer, no heading
 LEAST_STD = 1e-4  # rad: nobody mounts such a sensor better
 QUIETEST = 0.2  # share of the record's blocks, those whose length scatters least
 BLOCK, LEAST_BLOCK = 0.5, 5  # s, and readings
+MENTIONED = 0.005  # share of the stamps without an attitude, below which nobody needs to know
 UNEVEN = 0.1  # share by which an uncalibrated compass's field varies, least to greatest
 EXPLAINED = 0.7  # share of its variance that the attitude explains where iron on board makes it
 CORRELATION = 0.5  # s, that accelerations of a body last
@@ -345,7 +346,8 @@ def _notes(
 ) -> tuple[str, ...]:
     """What is to be said of stamps without an attitude, and of the field (N, 3), as shares of its median."""
     notes = []
-    if lost := {reason: k for reason, k in left_out.items() if k}:
+    lost = {reason: k for reason, k in left_out.items() if k}
+    if sum(lost.values()) > MENTIONED * count:
         said = ", ".join(f"{reason} {k}" for reason, k in lost.items())
         notes.append(
             f"{sum(lost.values())} of {count} stamps have no attitude from gravity and field: {said}."

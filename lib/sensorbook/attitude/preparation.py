@@ -46,6 +46,10 @@ class Readings:
     lost: np.ndarray
     notes: tuple[str, ...] = ()
 
+    def first(self, count: int) -> Readings:
+        """Those up to a number."""
+        return Readings(self.time[:count], self.rate[:count], self.lost[: count - 1], self.notes)
+
 
 @dataclass(frozen=True, eq=False)
 class ReferenceTrack:

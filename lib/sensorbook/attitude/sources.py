@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensorbook.attitude.aiding import References
+from sensorbook.attitude.aiding import GyroscopeNoise, Motion, References
 from sensorbook.attitude.measured import align_frames, from_camera, from_gravity_and_field
 from sensorbook.attitude.preparation import (
     Readings,
@@ -17,8 +17,10 @@ from sensorbook.attitude.preparation import (
     reference_track,
     vectors_on_stamps,
 )
+from sensorbook.attitude.tuning import Disagreement, assumed, disagreement, tuned
+from sensorbook.earth import FIELD_YEARS, field_in_ned
 from sensorbook.errors import Refusal
-from sensorbook.recordings import Recording
+from sensorbook.recordings import Device, Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +33,14 @@ class Source:
     key : "" for the device's first source, else what its methods are called by in results.json
     references : on the stamps; their covariance is NaN where the origin tells none
     notes : what is to be said of them
+    lasting : whether their errors last longer than the time between them
     """
 
     name: str
     key: str
     references: References
     notes: tuple[str, ...]
+    lasting: bool = False
 
     @property
     def covariance_known(self) -> bool:
@@ -46,7 +50,7 @@ class Source:
         """The same with one standard error (rad) about each axis."""
         covariance = np.tile(std**2 * np.eye(3), (len(self.references), 1, 1))
         found = References(self.references.at, self.references.quaternion, covariance)
-        return Source(self.name, self.key, found, self.notes)
+        return replace(self, references=found)
 
 
 def sources(
@@ -98,6 +102,7 @@ def sources(
                 "vectors" if found else "",
                 measured.references,
                 measured.notes,
+                lasting=True,
             )
         )
     if not found:
@@ -114,6 +119,88 @@ def sources(
             '(sensor = "reference").',
         )
     return tuple(found)
+
+
+def beside_of(device: Device, gyroscope: Recording) -> dict[str, Recording]:
+    """What the device recorded along a gyroscope's trajectory, by sensor.
+
+    Of several runs that of the same file is taken, else the longest.
+    """
+    found = {}
+    for sensor in ("reference", "accelerometer", "magnetometer"):
+        if runs := device.runs(sensor, "trajectory"):
+            found[sensor] = next((r for r in runs if r.file == gyroscope.file), runs[0])
+    return found
+
+
+def declination_at(site: Mapping) -> tuple[float, str]:
+    """rad, of magnetic north east of true north at a device's `[site]`, and which north that makes."""
+    known = [site.get(key) for key in ("latitude", "longitude", "date")]
+    if None in known or not FIELD_YEARS[0] <= known[2].year < FIELD_YEARS[1]:
+        return 0.0, "magnetic north for north"
+    place = np.radians(known[0]), np.radians(known[1]), site.get("height", 0.0)
+    north, east, _ = field_in_ned(*place, known[2])
+    angle = float(np.arctan2(east, north))
+    return angle, f"true north for north: the compass points {np.degrees(angle):.1f}° east of it"
+
+
+@dataclass(frozen=True, eq=False)
+class TunedFor:
+    """What filters are given for a source.
+
+    Attributes
+    ----------
+    noise : of the gyroscope
+    source : the same source, its covariance known
+    parts : how gyroscope and source part; None where it is too poor or too rare to show that
+    """
+
+    noise: GyroscopeNoise
+    source: Source
+    parts: Disagreement | None
+
+    def record(self) -> dict:
+        """`attitude.tuning` of results.json, SI."""
+        found = {
+            name: np.broadcast_to(getattr(self.noise, name), 3).tolist()
+            for name in ("random_walk", "rate_random_walk", "bias_std")
+        } | {"in_motion": self.noise.in_motion}
+        if self.parts is not None:
+            found["reference_std"] = self.parts.reference_at_most
+        return found
+
+
+def tuning_of(
+    moved: Motion,
+    source: Source,
+    random_walk: tuple[float, float, float] | None,
+    rate_random_walk: tuple[float, float, float] | None,
+    bias_std: float,
+) -> TunedFor:
+    """What filters are given: N and K (SI, an axis) from a rest where known, the rest from how the two part.
+
+    The errors of gravity and field last, so that they would be taken for the gyroscope's: they show
+    nothing of it.
+
+    Raises
+    ------
+    Refusal
+        the source tells no covariance, and there are too few to show one
+    """
+    parts = None
+    if not source.lasting:
+        white = None if random_walk is None else float(np.sqrt(np.mean(np.square(random_walk))))
+        try:
+            parts = disagreement(moved, source.references, white)
+        except Refusal:
+            if not source.covariance_known:
+                raise
+    if parts is None:
+        duration = float(moved.time[-1] - moved.time[0])
+        return TunedFor(assumed(duration, random_walk, rate_random_walk, bias_std), source, None)
+    if not source.covariance_known:
+        source = source.with_std(parts.reference_at_most)
+    return TunedFor(tuned(parts, random_walk, rate_random_walk, bias_std), source, parts)
 
 
 def in_frame_of(source: Source, reference: Source) -> tuple[Source, float]:
@@ -135,4 +222,4 @@ def in_frame_of(source: Source, reference: Source) -> tuple[Source, float]:
         turned.applied(source.references.quaternion),
         source.references.covariance,
     )
-    return Source(source.name, source.key, found, source.notes), turned.rms
+    return replace(source, references=found), turned.rms

@@ -30,6 +30,7 @@ ALIKE = 3.0  # the root of so many independent windows is the most that one leng
 # Of a calibrated consumer gyroscope: 0.01 °/s/√Hz (data sheets have 0.004 to 0.02), and a scale factor
 # off by 0.2 % for a second at a time.
 TYPICAL_RANDOM_WALK, TYPICAL_IN_MOTION = np.radians(0.01), 2e-3
+UNSEEN = 0.05  # of the rms over the shortest windows: less of it is seen in no record
 FEWEST = 30  # windows of the shortest length that are needed
 
 
@@ -63,6 +64,21 @@ class Disagreement:
     bias: np.ndarray
     duration: float
     motion_share: float
+
+    @property
+    def reference_shown(self) -> bool:
+        """Whether the reference's error shows beside the gyroscope's, by two standard errors."""
+        return self.reference_std > 2 * self.std[0]
+
+    @property
+    def reference_at_most(self) -> float:
+        """rad an axis: the reference's error, or what it may be at most where it does not show.
+
+        One that is said to be perfect would be followed wherever it errs.
+        """
+        if self.reference_shown:
+            return self.reference_std
+        return max(self.reference_std + 2 * self.std[0], UNSEEN * float(self.rms[0]))
 
 
 def disagreement(
@@ -108,14 +124,14 @@ def tuned(
     """What a filter is given: N and K from the noise chapters where known, the rest as found here.
 
     A bias that a filter holds constant for ever is one that it stops to follow: where nothing shows K
-    by two standard errors, it is as large as a record of this length could not tell from none,
+    by three standard errors, it is as large as a record of this length could not tell from none,
     K = N/T, with all that makes the attitude part over the longest windows for N.
     """
     white = found.random_walk if random_walk is None else random_walk
     if rate_random_walk is None:
         grown = max(found.explained[-1] ** 2 - 2 * found.reference_std**2, 0.0) / found.window[-1]
         unseen = float(np.sqrt(grown)) / found.duration
-        shown = found.rate_random_walk > 2 * found.std[3]
+        shown = found.rate_random_walk > 3 * found.std[3]
         rate_random_walk = max(found.rate_random_walk if shown else 0.0, unseen)
     return GyroscopeNoise(white, rate_random_walk, bias_std, found.in_motion)
 

@@ -235,6 +235,7 @@ CHAPTERS = (
             "accelerometer/multi_position",
             "accelerometer/six_position",
             "magnetometer/magnetometer",
+            "camera/horizon_sun_camera",
         ),
         result="methods",
         reads="gyroscope",
