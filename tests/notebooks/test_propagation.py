@@ -70,7 +70,7 @@ def test_sentences(read):
     text = read[1]
     assert "leaves the body turned by **120°**, with integrals of zero" in text
     assert "The second leaves it turned by 0°, with integrals of 0°, 90° and -90°." in text
-    assert "its yaw rate reaches **2578 °/s**, 57.3 times as much" in text
+    assert "its yaw rate reaches **2,578 °/s**, 57.3 times as much" in text
     assert "which is little; the quaternion never errs by more than" in text
     assert "A degree or more is lost from a closest approach of" in text
     assert "to the power 1.00 for held samples, 2.00 for interpolated ones" in text
@@ -102,12 +102,13 @@ def test_where_nothing_is_lost(tmp_path):
         seconds=10.0,
         pass_rate=5.0,
         closest_approach=20.0,
-        cone_half_angle=0.1,
-        cone_frequency=1.0,
+        cone_half_angle=0.01,
+        cone_frequency=0.2,
         steps=1000,
     )
     assert "which is nothing; the quaternion" in text
     assert "no pass costs a degree: at worst it is" in text
+    assert "both are rounding, as the steps miss nothing" in text
     assert "The sensor's rate is high enough for this vibration." in text
     assert record["results"]["propagation"]["lock"]["one_degree_at"]["value"] is None
 
