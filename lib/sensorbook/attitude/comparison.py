@@ -219,14 +219,19 @@ class OwnExperiment:
         return pd.DataFrame(rows, index=[_of_rate(r) for r in (NEVER, *RATES)]).T
 
 
-def own_experiment(motion: Motion, stretch: Sequence[float], runs: int = 6) -> OwnExperiment:
+def own_experiment(
+    motion: Motion, found: Attitudes, stretch: Sequence[float], runs: int = 6
+) -> OwnExperiment:
     """Work C's experiment on a recording's own rates in a stretch (s): they are the truth by (5.2).
 
-    C, 5.2.1: the recorded rates, integrated, are truth and reference; bias and noise are added.
+    C, 5.2.1: the recorded rates, integrated, are truth and reference; bias and noise are added. Here they
+    are less the bias and from the attitude that a filter `found`, so that the path is near the true one.
     """
     inside = np.flatnonzero((motion.time >= stretch[0]) & (motion.time <= stretch[1]))
-    time, turned = motion.time[inside], motion.increments[inside[:-1]]
-    true = propagate(turned, [0.0, 0.0, 0.0, 1.0])
+    inside = inside[np.isfinite(found.quaternion[inside]).all(axis=1)]
+    time, bias = motion.time[inside], found.bias[-1]
+    turned = motion.increments[inside[:-1]] - bias * np.diff(time)[:, None]
+    true = propagate(turned, found.quaternion[inside[0]])
     many = [
         c_experiment(time - time[0], turned, true, seed, C_BIAS, C_RANDOM_WALK, C_REFERENCE_STD)
         for seed in range(runs)

@@ -30,7 +30,9 @@ ALIKE = 3.0  # the root of so many independent windows is the most that one leng
 # Of a calibrated consumer gyroscope: 0.01 °/s/√Hz (data sheets have 0.004 to 0.02), and a scale factor
 # off by 0.2 % for a second at a time.
 TYPICAL_RANDOM_WALK, TYPICAL_IN_MOTION = np.radians(0.01), 2e-3
-UNSEEN = 0.05  # of the rms over the shortest windows: less of it is seen in no record
+# Of the rms over the shortest windows: interpolating the readings, where they are late by a part of an
+# interval, takes up to half of their variance out of one step, and hides a reference's error of this size.
+UNSEEN = 0.3
 FEWEST = 30  # windows of the shortest length that are needed
 
 

@@ -114,6 +114,9 @@ def plot_outage(
         name, colour, line, _ = STYLES[method]
         axes.plot(time[shown], np.degrees(total[shown]), line, color=colour, lw=1.5, label=name)
     axes.set_yscale("log")
+    # At a reference an error is next to nothing for one sample.
+    usual = np.degrees(np.nanmedian([total[shown] for total in totals.values()]))
+    axes.set_ylim(bottom=usual / 30)
     axes.legend(fontsize=8)
     labelled(axes, "time [s]", "rms error [°]")
     axes.grid(which="minor", color="#EEEEEE", linewidth=0.4)

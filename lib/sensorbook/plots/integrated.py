@@ -73,19 +73,3 @@ def plot_own_bias(
     axes.set_ylim(low - 0.1 * (high - low), high + 0.1 * (high - low))
     axes.legend(ncols=3, fontsize=8, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.3)
     return labelled(axes, "time [s]", "bias [°/s]")
-
-
-def plot_total_errors(
-    time: np.ndarray, totals: dict[str, np.ndarray], styles: dict, axes: Axes | None = None
-) -> Axes:
-    """Total errors (N,), rad, of methods by name over time (N,), s, on a logarithmic scale."""
-    axes = new_axes(axes)
-    every = slice(None, None, max(1, len(time) // MOST))
-    for method, total in totals.items():
-        name, colour, line, _ = styles[method]
-        axes.plot(time[every], np.degrees(total[every]), line, color=colour, lw=1.0, label=name)
-    axes.set_yscale("log")
-    axes.legend(fontsize=8, ncols=2)
-    labelled(axes, "time [s]", "error [°]")
-    axes.grid(which="minor", color="#EEEEEE", linewidth=0.4)
-    return axes
