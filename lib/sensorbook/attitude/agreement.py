@@ -20,6 +20,7 @@ from sensorbook.attitude.windows import LEAST, Windows
 _HUBER = 3.0  # times the usual residual, from which on a reference counts less
 _SURE = 0.1  # relative standard error above which a direction of M is not told
 _SEEN = 0.25  # the same, of the best direction: above it nothing is told
+_STEPS = 10  # of Gauss and Newton, at most
 _KEPT = 0.95  # share of references that rms and share of motion are taken from
 
 
@@ -109,12 +110,15 @@ def agreement(
     if windows.count < LEAST:
         return _untold(windows, interval, np.nan, np.nan, np.nan)
     fit = _fit(time, rate, windows, _Start(np.eye(3)))
-    if fit.explained < 0.9:
+    if not fit.as_declared and (fit.explained < 0.9 or fit.told[0] > _SEEN):
         for start in _starts(time, rate, windows):
             other = _fit(time, rate, windows, start)
             # Only where it explains much more: noise always prefers one of several.
-            if other.explained > 0.5 and 1 - other.explained < 0.7 * (1 - fit.explained):
+            better = 1 - other.explained < 0.7 * (1 - fit.explained) or fit.told[0] > _SEEN
+            if other.explained > 0.5 and other.told[0] <= _SEEN and better:
                 fit = other
+            if fit.explained > 0.97 and fit.told[0] <= _SEEN:
+                break
     return _told(fit, windows, interval)
 
 
@@ -143,9 +147,15 @@ class _Fit:
 
     @property
     def told(self) -> np.ndarray:
-        """(3,) relative standard errors of M along the directions of turning, ascending."""
+        """(3,) standard errors of M along the directions of turning, ascending."""
         by_column = np.einsum("ijil->jl", self.covariance[:9, :9].reshape(3, 3, 3, 3)) / 3
         return np.sqrt(np.clip(np.linalg.eigvalsh(by_column), 0, None))
+
+    @property
+    def as_declared(self) -> bool:
+        """M near I and hardly any delay: what is not explained is the reference's noise."""
+        near = np.abs(self.matrix - np.eye(3)).max() < 0.1 and abs(self.delay) < 0.1
+        return bool(near and self.told[0] < _SURE and self.explained > 0.1)
 
 
 def _fit(time, rate, windows: Windows, start: _Start) -> _Fit:
@@ -168,7 +178,7 @@ def _iterate(time, rate, windows: Windows, start: _Start, similar: bool) -> _Fit
     turned = windows.vectors(windows.rotation)
     noise, walk = _white_noise(time, rate), windows.walk(time)
     mean_walk = walk.sum() / len(weight)
-    for step in range(12):
+    for step in range(_STEPS):
         off, design = _linearised(time, rate, windows, matrix, bias, delay)
         basis = _similarity(matrix) if similar else np.eye(13)
         design = design @ basis
@@ -189,7 +199,7 @@ def _iterate(time, rate, windows: Windows, start: _Start, similar: bool) -> _Fit
         usual = _scale(left)
         size = np.linalg.norm(left, axis=1)
         weight = np.minimum(1.0, _HUBER * usual / np.maximum(size, 1e-300))
-        if step > 2 and np.abs(full).max() < 1e-7:
+        if step > 1 and np.abs(full).max() < 1e-6:
             break
     covariance = basis @ _jackknife(normal, right, prior, variance) @ basis.T
     kept = size <= np.quantile(size, _KEPT)
