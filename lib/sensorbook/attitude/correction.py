@@ -24,9 +24,9 @@ def integrate(motion: Motion, references: References, bias: np.ndarray | float =
 def reset(motion: Motion, references: References) -> Attitudes:
     """Work C's correction: the attitude's difference over Δt is taken for an error of the next rate.
 
-    With A_i the integrated and A_a the reference matrix, body → reference, A_iᵀ A_a ≈ I + [Ω×] (5.3,
-    corrected), and w_ε = Ω/Δt (5.4) changes the next reading alone: a reset, one step late. Ω is the
-    whole rotation vector, which (5.3) gives for small differences.
+    With A_i the reference's matrix (the image's) and A_a the integrated one, body → reference,
+    A_iᵀ A_a ≈ I + [Ω×] (5.3, corrected), and w_ε = Ω/Δt (5.4) is subtracted from the next reading
+    alone: a reset, one step late. Ω is the whole rotation vector, which (5.3) gives for small differences.
     """
     return _corrected(motion, references, 1.0, 0.0)
 
