@@ -2,17 +2,18 @@
 
 Between two references the gyroscope's rotation and theirs differ by e. Over windows of length T
 
-    E[e²] = 2 σ² + N² T + c² ∫|ω|² dt + K² T³/3     on each axis,
+    E[e²] = 2 σ² + N² T + c² ∫|ω|² dt + K² T² (D − T)/6     on each axis,
 
 σ being the reference's error, N and K the gyroscope's noise, and c what scale factors, misalignments
-and timing err by while the body turns (`GyroscopeNoise`). Short windows show σ, long ones the rest.
+and timing err by while the body turns (`GyroscopeNoise`). Short windows show σ, long ones the rest. The
+last term is that of a bias that walks, less its mean over the record of length D: of its variance
+K² D/6 about the mean, K² T/6 is within a window.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import nnls
@@ -95,12 +96,13 @@ def disagreement(
     """
     pairs = _pairs(motion, references)
     bias = _bias(pairs)
-    terms, window, rms, explained = _fit(pairs, bias, random_walk)
-    blocks = np.linspace(pairs.start.min(), pairs.start.max() + 1e-9, BLOCKS + 1)
-    without = []
-    for low, high in pairwise(blocks):
-        left = (pairs.start < low) | (pairs.start >= high)
-        without.append(_fit(pairs.where(left), bias, random_walk)[0])
+    stamps = motion.time[references.at]
+    duration = float(stamps[-1] - stamps[0])
+    terms, window, rms, explained = _fit(pairs, bias, duration, random_walk)
+    blocks = np.quantile(pairs.start, np.linspace(0, 1, BLOCKS + 1)[1:-1])
+    block = np.searchsorted(blocks, pairs.start, side="right")
+    parts = (pairs.where(block != left) for left in range(BLOCKS))
+    without = [_fit(part, bias, duration, random_walk)[0] for part in parts]
     # Of variances, turned into standard errors of their roots; a root near 0 has its own size.
     scatter = np.sqrt(
         (BLOCKS - 1) / BLOCKS * ((without - np.mean(without, axis=0)) ** 2).sum(axis=0)
@@ -109,10 +111,9 @@ def disagreement(
     std = np.where(
         root > 0, scatter / (2 * np.maximum(root, np.sqrt(scatter) / 2 + 1e-300)), np.sqrt(scatter)
     )
-    stamps = motion.time[references.at]
     return Disagreement(
         window, rms, explained, *map(float, root), tuple(map(float, std)), bias,
-        float(stamps[-1] - stamps[0]),
+        duration,
         float(terms[2] * np.mean((motion.increments**2).sum(axis=1) / motion.steps**2)),
     )  # fmt: skip
 
@@ -224,48 +225,48 @@ def _bias(pairs: _Pairs) -> np.ndarray:
     return bias
 
 
-def _fit(pairs: _Pairs, bias: np.ndarray, random_walk: float | None):
+def _fit(pairs: _Pairs, bias: np.ndarray, duration: float, random_walk: float | None):
     """Variances of the four terms, and by window: length, rms and what the terms explain of it."""
     apart = ((pairs.apart - pairs.carried @ bias) ** 2).mean(axis=1)
-    rows, seen, weights, windows = [], [], [], []
-    total = pairs.start.max() - pairs.start.min() or 1.0
+
+    def means(chosen: np.ndarray) -> tuple[float, ...]:
+        """Of some windows: length, what was seen, and what each term has for a factor."""
+        length = pairs.length[chosen]
+        walk = (length**2 * (duration - length) / 6).mean()
+        return (
+            length.mean(),
+            apart[chosen].mean(),
+            2.0,
+            length.mean(),
+            pairs.turned[chosen].mean(),
+            walk,
+        )
+
+    rows, weights, windows = [], [], []
     for which in np.unique(pairs.which):
         mine = np.flatnonzero(pairs.which == which)
         mine = mine[apart[mine] <= WILD**2 * np.median(apart[mine])]
         if len(mine) < BINS:
             continue
-        length = pairs.length[mine].mean()
-        windows.append(
-            (length, apart[mine].mean(), 2.0, length, pairs.turned[mine].mean(), length**3 / 3)
-        )
+        windows.append(means(mine))
         for part in np.array_split(mine[np.argsort(pairs.turned[mine])], BINS):
-            rows.append(
-                [
-                    2.0,
-                    pairs.length[part].mean(),
-                    pairs.turned[part].mean(),
-                    (pairs.length[part] ** 3).mean() / 3,
-                ]
-            )
-            seen.append(apart[part].mean())
+            rows.append(means(part))
             # Errors that come back as the body turns back are no random walk: every length counts
             # about the same, or the many short windows would overstate the long ones.
-            weights.append(min(np.sqrt(total / length / BINS), ALIKE))
-    rows, seen, weights = np.array(rows), np.array(seen), np.array(weights)
-    windows = np.array(windows)
-    known = np.zeros(4)
-    if random_walk is not None:
-        known[1] = random_walk**2
+            weights.append(min(np.sqrt(duration / rows[-1][0] / BINS), ALIKE))
+    rows, weights, windows = np.array(rows), np.array(weights), np.array(windows)
+    seen, factors = np.maximum(rows[:, 1], 1e-24), rows[:, 2:]
+    known = np.array([0.0, 0.0 if random_walk is None else random_walk**2, 0.0, 0.0])
     free = np.array([True, random_walk is None, True, True])
-    scale = rows.max(axis=0)
+    scale = np.maximum(factors.max(axis=0), 1e-24)
     size = seen
     for _ in range(3):  # a mean square scatters in proportion to itself
         weight = (weights / size)[:, None]
-        left = seen - rows @ known
-        solved, _ = nnls((rows / scale)[:, free] * weight, left * weight[:, 0])
+        left = seen - factors @ known
+        solved, _ = nnls((factors / scale)[:, free] * weight, left * weight[:, 0])
         terms = known.copy()
         terms[free] = solved / scale[free]
-        size = np.maximum(rows @ terms, 1e-3 * seen)
+        size = np.maximum(factors @ terms, 1e-3 * seen)
     explained = windows[:, 2:] @ terms
     return terms, windows[:, 0], np.sqrt(windows[:, 1]), np.sqrt(explained)
 

@@ -40,7 +40,12 @@ def plot_disagreement(found: Disagreement, axes: Axes | None = None) -> Axes:
         (np.full(len(x), np.sqrt(2) * found.reference_std), "the reference's error", GREY, "--"),
         (found.random_walk * np.sqrt(x), "angle random walk", COLOURS["z"], LINES["z"]),
         (np.sqrt(found.motion_share) * np.sqrt(x), "while turning", COLOURS["y"], LINES["y"]),
-        (found.rate_random_walk * np.sqrt(x**3 / 3), "rate random walk", ACCENT, ":"),
+        (
+            found.rate_random_walk * x * np.sqrt((found.duration - x) / 6),
+            "rate random walk",
+            ACCENT,
+            ":",
+        ),
     )
     shown = np.degrees(found.rms).min() / 30
     for y, name, colour, line in parts:
