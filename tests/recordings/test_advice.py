@@ -232,3 +232,13 @@ def test_a_missing_face_is_told():
     (found,) = advise(recording, False)
     assert "x down is missing" in found.message
     assert "Record a rest with x down" in found.remedy
+
+
+def test_a_noisy_gyroscope_at_rest_has_not_moved():
+    """Means of its blocks scatter by a degree a second; a rest is no motion for all that."""
+    rng = np.random.default_rng(3)
+    noisy = recording(1200.0, 28.6, values=0.17 * rng.normal(size=(34_320, 3)))
+    assert "moved" not in told(noisy)
+    turned = np.array(noisy.values)
+    turned[10_000:20_000, 0] += 0.5
+    assert "turns at up to" in told(recording(1200.0, 28.6, values=turned))["moved"][0]

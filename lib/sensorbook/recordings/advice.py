@@ -119,9 +119,11 @@ def _attitudes(recording: Recording, say: Callable[[str, str, str], None]) -> No
 def _moved(sensor: str, values: np.ndarray, say: Say) -> None:
     remedy = "fasten it, record again, or declare the kind of recording that it is"
     if sensor == "gyroscope":
-        means = Blocks.of(values).means
+        blocks = Blocks.of(values)
+        means = blocks.means
         away = np.quantile(np.linalg.norm(means - np.median(means, axis=0), axis=1), 0.98)
-        if away > MOVED:
+        noise = np.median(blocks.scatter) / np.sqrt(blocks.length)  # of a mean, all axes together
+        if away > max(MOVED, 4 * noise):
             say("moved", f"turns at up to {np.degrees(away):.2g}°/s though it is to rest", remedy)
         return
     motion = of_field(values)
