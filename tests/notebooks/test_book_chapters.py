@@ -35,6 +35,8 @@ def test_no_device_feeds_them():
         "camera_accuracy",
         "camera_scene",
         "star_camera",
+        "propagation",
+        "aided_attitude",
     ]
     assert {(chapter.sensors, chapter.needs, chapter.result) for chapter in ALONE} == {((), (), "")}
 
