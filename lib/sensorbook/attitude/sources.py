@@ -7,17 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sensorbook.attitude.agreement import agreement
 from sensorbook.attitude.aiding import GyroscopeNoise, Motion, References
-from sensorbook.attitude.measured import align_frames, from_camera, from_gravity_and_field
+from sensorbook.attitude.measured import align_frames, from_camera, from_gravity_and_field, widen
 from sensorbook.attitude.preparation import (
     Readings,
     ReferenceTrack,
     motion,
     on_stamps,
+    readings,
     reference_track,
     vectors_on_stamps,
 )
 from sensorbook.attitude.tuning import Disagreement, assumed, disagreement, tuned
+from sensorbook.attitude.verdicts import judge
 from sensorbook.earth import FIELD_YEARS, field_in_ned
 from sensorbook.errors import Refusal
 from sensorbook.recordings import Device, Recording
@@ -223,3 +226,26 @@ def in_frame_of(source: Source, reference: Source) -> tuple[Source, float]:
         source.references.covariance,
     )
     return replace(source, references=found), turned.rms
+
+
+def of_device(device: Device, bias_std: float = 0.05) -> tuple[Motion, References, GyroscopeNoise]:
+    """A device's longest trajectory as the filters take it, uncalibrated: `mekf(*of_device(device))`.
+
+    The readings' delay and the noise of both sides are found against the device's best source. `bias_std`
+    rad/s is what is known of the bias beforehand.
+
+    Raises
+    ------
+    Refusal, InputError
+        as `readings`, `sources`, `judge` and `tuning_of` do
+    """
+    gyroscope = device.runs("gyroscope", "trajectory")[0]
+    read = readings(gyroscope)
+    source = sources(read, beside_of(device, gyroscope), (), declination_at(device.site)[0])[0]
+    at, quaternion = source.references.at, source.references.quaternion
+    agreed = agreement(read.time, read.rate, at, quaternion, read.lost)
+    judge(agreed, read.time, read.rate, at, quaternion, read.lost)
+    moved = motion(read, 0.0 if source.lasting else agreed.delay)
+    found = tuning_of(moved, source, None, None, bias_std)
+    references = found.source.references
+    return moved, widen(references, read.time) if source.lasting else references, found.noise
