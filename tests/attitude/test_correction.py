@@ -116,6 +116,10 @@ def test_a_perfect_reference_is_taken_as_it_is():
     assert steady_gain(0.01, 0.0, 1.0) == 1.0
 
 
+def test_a_perfect_gyroscope_takes_nothing_of_a_reference_with_errors():
+    assert steady_gain(0.0, 0.01, 1.0) == 0.0
+
+
 @pytest.mark.parametrize(("gain", "constant", "message"), [
     (0.0, 5.0, "attitude_gain is 0.0: give more than 0 and up to 1"),
     (1.1, 5.0, "attitude_gain is 1.1"),

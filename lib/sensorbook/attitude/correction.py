@@ -71,6 +71,8 @@ def steady_gain(random_walk: float, reference_std: float, period: float) -> floa
     if reference_std <= 0:
         return 1.0
     ratio = random_walk**2 * period / reference_std**2
+    if not ratio:
+        return 0.0
     # Written so that it goes to 1, and not to inf − inf, for large ratios.
     return 2 * ratio / (np.sqrt(ratio**2 + 4 * ratio) + ratio)
 
