@@ -20,6 +20,7 @@ from sensorbook.attitude.windows import LEAST, Windows
 _HUBER = 3.0  # times the usual residual, from which on a reference counts less
 _SURE = 0.1  # relative standard error above which a direction of M is not told
 _SEEN = 0.25  # the same, of the best direction: above it nothing is told
+_MOVING = 0.1  # rad a window: more is no reference's noise
 _STEPS = 10  # of Gauss and Newton, at most
 _KEPT = 0.95  # share of references that rms and share of motion are taken from
 
@@ -119,7 +120,18 @@ def agreement(
                 fit = other
             if fit.explained > 0.97 and fit.told[0] <= _SEEN:
                 break
+    if fit.told[0] > _SEEN or _still(time, rate * fit.unit, windows, fit):
+        return _untold(windows, interval, fit.residual, fit.turn, fit.explained)
     return _told(fit, windows, interval)
+
+
+def _still(time, rate, windows: Windows, fit: _Fit) -> bool:
+    """Neither turns by more than the reference's noise, and nothing of it agrees."""
+    if fit.explained > 0.5 or fit.turn > _MOVING:
+        return False
+    steps = np.diff(time)[:, None] * (rate[1:] - np.median(rate, axis=0))
+    own = windows.off_mean(np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])[windows.at])
+    return bool(np.sqrt(np.mean((own**2).sum(axis=1))) < 0.5 * fit.residual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +325,7 @@ def _linear(u, v, stamps, windows: Windows) -> np.ndarray:
     """M of v = M u − c T for turns that are small; where u has no third direction, a turn and a scale."""
     steps = windows.off_mean(stamps)[:, None]
     kept = np.linalg.norm(v, axis=1) <= np.quantile(np.linalg.norm(v, axis=1), _KEPT)
-    left, sizes, _ = np.linalg.svd(v[kept].T @ u[kept])
+    left, sizes, right = np.linalg.svd(v[kept].T @ u[kept])
     spread = np.linalg.svd(u[kept], compute_uv=False)
     if spread[2] > 0.05 * spread[0]:
         found = np.linalg.lstsq(np.hstack([u, steps])[kept], v[kept], rcond=None)[0]
@@ -321,7 +333,6 @@ def _linear(u, v, stamps, windows: Windows) -> np.ndarray:
     size = sizes.sum() / max((u[kept] ** 2).sum(), 1e-300)
     if sizes[1] > 0.05 * sizes[0]:
         return size * orthogonal_part(v[kept].T @ u[kept])
-    right = np.linalg.svd(v[kept].T @ u[kept])[2]
     return size * Rotation.align_vectors(left[:, :1].T, right[:1])[0].as_matrix()
 
 
@@ -332,8 +343,6 @@ def orthogonal_part(matrix: np.ndarray) -> np.ndarray:
 
 
 def _told(fit: _Fit, windows: Windows, interval: float) -> Agreement:
-    if fit.told[0] > _SEEN:
-        return _untold(windows, interval, fit.residual, fit.turn, fit.explained)
     std = np.sqrt(np.diag(fit.covariance))
     # dM M⁻¹ = ds/s I + [θ×] and a rest that is neither.
     relative = np.kron(np.eye(3), np.linalg.pinv(fit.matrix).T)

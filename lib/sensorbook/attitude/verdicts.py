@@ -162,7 +162,7 @@ def _check_axes(found: Agreement, file: str) -> None:
                 '[1, 1, −1], unit = "rad/s" } with unit = "counts"'.replace("−", "-"),
             )
         )
-    if found.angle <= _ALIKE or found.angle <= _SURE * found.angle_std:
+    if found.angle <= max(_ALIKE + 2 * found.angle_std, _SURE * found.angle_std):
         return
     axis = found.misalignment / found.angle
     left = np.arccos(np.clip((np.trace(axes.T @ orthogonal_part(matrix)) - 1) / 2, -1, 1))
