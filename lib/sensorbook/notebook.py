@@ -306,6 +306,15 @@ def read_record(path: str) -> dict[str, Any] | None:
         ) from None
 
 
+def signed(value: float, half: float) -> str:
+    """A number with the half of its interval, to two digits of that: "−0.59 ± 0.31"."""
+    if not (math.isfinite(half) and half > 0):
+        return f"{value:.4g}".replace("-", "−")
+    places = max(0, 1 - math.floor(math.log10(half)))
+    rounded = round(value, places) + 0.0  # no minus zero
+    return f"{rounded:.{places}f} ± {half:.{places}f}".replace("-", "−")
+
+
 def escape(text: str) -> str:
     """Text that stays inert in Markdown and in HTML: punctuation becomes character references."""
     line = "".join(c if c.isprintable() else " " for c in str(text)).strip()

@@ -137,12 +137,16 @@ class Attitudes:
         )
         return (mine - theirs + np.pi) % (2 * np.pi) - np.pi
 
-    def nees(self, true: ArrayLike) -> np.ndarray:
-        """(N,) normalised error squared, δᵀ P⁻¹ δ of the attitude: 3 on average where P is right."""
+    def nees(self, true: ArrayLike, true_covariance: ArrayLike = 0.0) -> np.ndarray:
+        """(N,) normalised error squared, δᵀ P⁻¹ δ of the attitude: 3 on average where P is right.
+
+        Where the attitudes that are taken for true err themselves, by `true_covariance` (N, 3, 3), rad²,
+        body axes, and independently of these, that is added to P.
+        """
         error = self.errors(true)
         known = np.isfinite(error).all(axis=1)
         found = np.full(len(error), np.nan)
-        block = self.covariance[known, :3, :3]
+        block = (self.covariance[:, :3, :3] + true_covariance)[known]
         found[known] = (error[known] * np.linalg.solve(block, error[known][..., None])[..., 0]).sum(
             1
         )
@@ -171,8 +175,11 @@ class Accuracy:
     samples: int
 
 
-def accuracy(found: Attitudes, true: ArrayLike) -> Accuracy:
-    """Errors of the attitudes against the true ones (N, 4), where both are known."""
+def accuracy(found: Attitudes, true: ArrayLike, true_covariance: ArrayLike = 0.0) -> Accuracy:
+    """Errors of the attitudes against the true ones (N, 4), where both are known.
+
+    `true_covariance` (N, 3, 3) rad² is that of the latter, which `nees` counts.
+    """
     error = found.errors(true)
     known = np.isfinite(error).all(axis=1)
     if not known.any():
@@ -183,6 +190,8 @@ def accuracy(found: Attitudes, true: ArrayLike) -> Accuracy:
         rms=float(np.sqrt(np.mean(total**2))),
         axes=np.abs(error[known]).mean(axis=0),
         euler=np.abs(found.euler_errors(true)[known]).mean(axis=0),
-        nees=np.nan if found.covariance is None else float(np.nanmean(found.nees(true))),
+        nees=np.nan
+        if found.covariance is None
+        else float(np.nanmean(found.nees(true, true_covariance))),
         samples=int(known.sum()),
     )

@@ -70,22 +70,45 @@ class Entry:
 
 
 @dataclass(frozen=True, eq=False)
-class LastingRun(Run):
-    """A run whose references' errors last: those that are taken are widened, or they would count as
-    independent."""
+class DeviceRun(Run):
+    """A device's recording as the methods take it; `true` is NaN where nothing judges them.
+
+    Attributes
+    ----------
+    true_covariance : (N, 3, 3) rad², of the attitudes that judge
+    own : the references themselves judge: those that a method was given do not judge it
+    lasting : errors of the references last, so that those taken are widened, or they would count as
+        independent
+    """
+
+    true_covariance: np.ndarray
+    own: bool
+    lasting: bool
 
     def at(self, rate: float, outage: Sequence[float] | None = None) -> References:
-        """As `Run` has it, widened."""
-        return widen(super().at(rate, outage), self.motion.time)
+        """As `Run` has it, widened where errors last."""
+        taken = super().at(rate, outage)
+        return widen(taken, self.motion.time) if self.lasting else taken
+
+    def judged_by(self, taken: References) -> np.ndarray:
+        """(N, 4) the true attitudes for a method that was given some references; NaN where none judges."""
+        true = np.array(self.true)
+        if self.own:
+            true[taken.at] = np.nan
+        return true
 
 
-def run_of(motion: Motion, source: Source, true: Source | None) -> Run:
-    """A recording as the methods take it; the true attitudes are those of a source, or none."""
-    attitudes = np.full((len(motion.time), 4), np.nan)
-    if true is not None:
-        attitudes[true.references.at] = true.references.quaternion
-    kind = LastingRun if source.lasting else Run
-    return kind(motion, source.references, attitudes, np.full(3, np.nan))
+def run_of(motion: Motion, source: Source, judge: Source | None) -> DeviceRun:
+    """A recording as the methods take it, judged by the attitudes of a source, its own or another."""
+    count = len(motion.time)
+    true, covariance = np.full((count, 4), np.nan), np.zeros((count, 3, 3))
+    if judge is not None:
+        true[judge.references.at] = judge.references.quaternion
+        covariance[judge.references.at] = judge.references.covariance
+    unknown = np.full(3, np.nan)
+    return DeviceRun(
+        motion, source.references, true, unknown, covariance, judge is source, source.lasting
+    )
 
 
 def rates_of(run: Run) -> tuple[float, ...]:
@@ -97,18 +120,20 @@ def rates_of(run: Run) -> tuple[float, ...]:
 
 
 def compare(
-    run: Run, noise: GyroscopeNoise, rates: Iterable[float], methods: Iterable[str]
+    run: DeviceRun, noise: GyroscopeNoise, rates: Iterable[float], methods: Iterable[str]
 ) -> dict[tuple[str, float], Entry]:
     """The methods by (name, reference rate); integration, which has the first reference alone, at `NEVER`."""
     found = {}
     for method in methods:
         for rate in (NEVER,) if method == "integration" else rates:
-            attitudes = estimate(run, method, rate, noise)
+            attitudes, taken = estimate(run, method, rate, noise), run.at(rate)
+            true = run.judged_by(taken)
+            judged = np.isfinite(attitudes.quaternion + true).all(axis=1).any()
             found[method, float(rate)] = Entry(
                 attitudes,
-                accuracy(attitudes, run.true) if _compared(attitudes, run.true) else None,
+                accuracy(attitudes, true, run.true_covariance) if judged else None,
                 _expected(attitudes),
-                len(run.at(rate)),
+                len(taken),
             )
     return found
 
@@ -119,13 +144,14 @@ def error_table(
     """Mean errors in degrees, a row a method and a column a reference rate; or what each expects."""
 
     def cell(entry: Entry | None) -> str:
-        size = None if entry is None else entry.expected if expected else entry.accuracy.mean
-        return "–" if size is None else f"{np.degrees(size):.3g}"
+        if entry is None or (not expected and entry.accuracy is None):
+            return "–"
+        return f"{np.degrees(entry.expected if expected else entry.accuracy.mean):.3g}"
 
-    methods = dict.fromkeys(m for m, _ in entries)
-    rates = sorted({r for _, r in entries})
+    told = {key: e for key, e in entries.items() if not expected or e.expected is not None}
+    methods, rates = dict.fromkeys(m for m, _ in told), sorted({r for _, r in told})
     return pd.DataFrame(
-        {_of_rate(r): [cell(entries.get((m, r))) for m in methods] for r in rates},
+        {_of_rate(r): [cell(told.get((m, r))) for m in methods] for r in rates},
         index=[names[m] for m in methods],
     )
 
@@ -146,12 +172,13 @@ class Through:
 
 
 def outage_errors(
-    run: Run, noise: GyroscopeNoise, rate: float, outage: Sequence[float]
+    run: DeviceRun, noise: GyroscopeNoise, rate: float, outage: Sequence[float]
 ) -> dict[str, Through]:
     """The methods with references at `rate` (Hz) and none in an outage (s); {} where nothing judges them."""
     time, found = run.motion.time, {}
+    true = run.judged_by(run.at(rate, outage))
     for method in ("reset", "reset_and_rate", "complementary", "mekf", "smoother"):
-        total = np.linalg.norm(estimate(run, method, rate, noise, outage).errors(run.true), axis=1)
+        total = np.linalg.norm(estimate(run, method, rate, noise, outage).errors(true), axis=1)
         known = np.isfinite(total)
         before = known & (time >= outage[0] - 10) & (time < outage[0])
         within = np.flatnonzero(known & (time >= outage[0]) & (time < outage[1]))
@@ -189,21 +216,23 @@ class OwnExperiment:
     Attributes
     ----------
     errors : by (method, reference rate, Hz)
-    over_printed : the reset's over those that work C prints, by `RATES`
-    filter_over_reset : the Kalman filter's over the reset's, by `RATES`
+    rates : Hz, those of `RATES` that the readings allow
+    over_printed : the reset's over those that work C prints, by `rates`
+    filter_over_reset : the Kalman filter's over the reset's, by `rates`
     steepest : rad, the largest pitch, up or down; at 90° the angles are locked
     """
 
     errors: Mapping[tuple[str, float], float]
     steepest: float
+    rates: tuple[float, ...]
 
     @property
     def over_printed(self) -> list[float]:
-        return [np.degrees(self.errors["reset", r]) / np.mean(PRINTED[r]) for r in RATES]
+        return [np.degrees(self.errors["reset", r]) / np.mean(PRINTED[r]) for r in self.rates]
 
     @property
     def filter_over_reset(self) -> list[float]:
-        return [self.errors["mekf", r] / self.errors["reset", r] for r in RATES]
+        return [self.errors["mekf", r] / self.errors["reset", r] for r in self.rates]
 
     def table(self, names: Mapping[str, str]) -> pd.DataFrame:
         """Degrees, a row a method and a column a rate, and work C's own."""
@@ -211,12 +240,12 @@ class OwnExperiment:
         rows = {
             names[m]: [
                 f"{np.degrees(self.errors[m, r]):.3g}" if (m, r) in self.errors else "–"
-                for r in (NEVER, *RATES)
+                for r in (NEVER, *self.rates)
             ]
             for m in methods
         }
-        rows["printed by work C"] = [f"{np.mean(PRINTED[r]):.3g}" for r in (NEVER, *RATES)]
-        return pd.DataFrame(rows, index=[_of_rate(r) for r in (NEVER, *RATES)]).T
+        rows["printed by work C"] = [f"{np.mean(PRINTED[r]):.3g}" for r in (NEVER, *self.rates)]
+        return pd.DataFrame(rows, index=[_of_rate(r) for r in (NEVER, *self.rates)]).T
 
 
 def own_experiment(
@@ -238,17 +267,14 @@ def own_experiment(
     ]
     prior = prior_std(C_BIAS, C_RANDOM_WALK, stretch[1] - stretch[0])
     noise = GyroscopeNoise(C_RANDOM_WALK, 0.0, prior)
-    found = study(many, noise, RATES, ("integration", "reset", "reset_and_rate", "mekf"))
+    rates = tuple(r for r in RATES if r * np.median(np.diff(time)) <= 1)
+    found = study(many, noise, rates, ("integration", "reset", "reset_and_rate", "mekf"))
     errors = {key: float(summary.euler.mean()) for key, summary in found.items()}
-    return OwnExperiment(errors, float(np.abs(euler_angles(true)[:, 1]).max()))
+    return OwnExperiment(errors, float(np.abs(euler_angles(true)[:, 1]).max()), rates)
 
 
 def _of_rate(rate: float) -> str:
     return f"{rate:g} Hz" if rate else "never"
-
-
-def _compared(attitudes: Attitudes, true: np.ndarray) -> bool:
-    return bool(np.isfinite(attitudes.quaternion + true).all(axis=1).any())
 
 
 def _expected(attitudes: Attitudes) -> float | None:

@@ -5,6 +5,9 @@ The methods without a covariance: what they take from a reference does not hang 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -28,7 +31,7 @@ def reset(motion: Motion, references: References) -> Attitudes:
     A_iᵀ A_a ≈ I + [Ω×] (5.3, corrected), and w_ε = Ω/Δt (5.4) is subtracted from the next reading
     alone: a reset, one step late. Ω is the whole rotation vector, which (5.3) gives for small differences.
     """
-    return _corrected(motion, references, 1.0, 0.0)
+    return _corrected(motion, references, lambda meeting: (_NOTHING, -meeting.off, _NOTHING), False)
 
 
 def reset_and_rate(motion: Motion, references: References) -> Attitudes:
@@ -36,9 +39,14 @@ def reset_and_rate(motion: Motion, references: References) -> Attitudes:
 
     What the attitude was off by grew since the reference before: Ω over the time between the two is
     kept as the gyroscope's bias. Kept as Ω/Δt, as (5.4) has it, it would turn the body by Ω in every
-    step.
+    step. What a gap makes of it is no bias.
     """
-    return _corrected(motion, references, 1.0, 1.0)
+
+    def kept(meeting: _Meeting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        grown = _NOTHING if meeting.broken else meeting.off / meeting.period
+        return _NOTHING, -meeting.off, grown
+
+    return _corrected(motion, references, kept, True)
 
 
 def complementary(
@@ -48,7 +56,10 @@ def complementary(
 
     At each reference the attitude goes `attitude_gain` of the way, and the bias learns the rest over
     `time_constant`: b ← b + β δ/T with β = α (1 − exp(−T/τ)), never more than damps critically,
-    2 − α − 2 √(1 − α) (the α-β filter; Mahony, Hamel & Pflimlin 2008 in continuous time).
+    2 − α − 2 √(1 − α) (the α-β filter; Mahony, Hamel & Pflimlin 2008 in continuous time). From the start
+    the gains are those of a straight line through all references so far, α = 2 (2k − 1)/(k (k + 1)) and
+    β = 6/(k (k + 1)) at the k-th (Morrison 1969), until these are the smaller: a bias would take long
+    to be learnt by small gains. After a gap the reference is taken as it is, and tells nothing of the bias.
 
     Parameters
     ----------
@@ -59,7 +70,19 @@ def complementary(
         raise ValueError(f"attitude_gain is {attitude_gain}: give more than 0 and up to 1")
     if not time_constant > 0:
         raise ValueError(f"time_constant is {time_constant}: give more than 0 s")
-    return _corrected(motion, references, attitude_gain, None, time_constant)
+
+    def blended(meeting: _Meeting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        if meeting.broken:
+            return -meeting.off, _NOTHING, _NOTHING
+        k = meeting.number + 1
+        gain = attitude_gain
+        share = gain * -np.expm1(-meeting.period / time_constant)
+        share = min(share, 2 - gain - 2 * np.sqrt(1 - gain))
+        gain = max(gain, 2 * (2 * k - 1) / (k * (k + 1)))
+        share = max(share, 6 / (k * (k + 1)))
+        return -gain * meeting.off, _NOTHING, share * meeting.off / meeting.period
+
+    return _corrected(motion, references, blended, True)
 
 
 def steady_gain(random_walk: float, reference_std: float, period: float) -> float:
@@ -77,40 +100,47 @@ def steady_gain(random_walk: float, reference_std: float, period: float) -> floa
     return 2 * ratio / (np.sqrt(ratio**2 + 4 * ratio) + ratio)
 
 
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """A reference after the first: its number (from 1), the error vector (3,) against it in body axes, s
+    since the one before, and whether a step was lost since."""
+
+    number: int
+    off: np.ndarray
+    period: float
+    broken: bool
+
+
+_NOTHING = np.zeros(3)
+
+
 def _corrected(
     motion: Motion,
     references: References,
-    gain: float,
-    rate_gain: float | None,
-    time_constant: float = np.inf,
+    correct: Callable[[_Meeting], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    with_bias: bool,
 ) -> Attitudes:
-    """All of them: `rate_gain` β, or None for that of a complementary filter.
-
-    The correction found at a reference turns the body in the step after it (work C's one step late)
-    where the gain is C's; a complementary filter corrects at once.
-    """
-    late = rate_gain is not None
+    """Integrated from the first reference, and corrected at each: `correct` gives the turn (3,) there, the
+    turn that comes with the next step, and the change of the bias (3,), rad/s."""
     count, steps = len(motion.time), motion.steps
     quaternion, biases = np.full((count, 4), np.nan), np.full((count, 3), np.nan)
-    bias, pending = np.zeros(3), np.zeros(3)
-    at = references.quaternion[0]
-    for k, (here, now) in enumerate(zip(references.at, references.quaternion, strict=True)):
+    lost = np.concatenate([[0], np.cumsum(motion.lost > 0)])
+    at, bias, ends = references.quaternion[0], np.zeros(3), [*references.at[1:], count - 1]
+    for k, (here, now, end) in enumerate(
+        zip(references.at, references.quaternion, ends, strict=True)
+    ):
+        later = _NOTHING
         if k:
+            before = references.at[k - 1]
             off = (Rotation.from_quat(now).inv() * Rotation.from_quat(at)).as_rotvec()
-            period = motion.time[here] - motion.time[references.at[k - 1]]
-            share = rate_gain
-            if not late:
-                share = gain * -np.expm1(-period / time_constant)
-                share = min(share, 2 - gain - 2 * np.sqrt(1 - gain))
-                at = (Rotation.from_quat(at) * Rotation.from_rotvec(-gain * off)).as_quat()
-            else:
-                pending = -off
-            bias = bias + share * off / period
-        end = references.at[k + 1] if k + 1 < len(references) else count - 1
+            period = motion.time[here] - motion.time[before]
+            broken = bool(lost[here] > lost[before])
+            turn, later, change = correct(_Meeting(k, off, period, broken))
+            at = (Rotation.from_quat(at) * Rotation.from_rotvec(turn)).as_quat()
+            bias = bias + change
         turned = motion.increments[here:end] - np.multiply.outer(steps[here:end], bias)
-        if late and len(turned):
-            turned[0] += pending
+        turned[:1] += later
         quaternion[here : end + 1] = propagate(turned, at)
         biases[here : end + 1] = bias
         at = quaternion[end]
-    return Attitudes(quaternion, None if rate_gain == 0 else biases)
+    return Attitudes(quaternion, biases if with_bias else None)

@@ -20,6 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude.aiding import Attitudes, GyroscopeNoise, Motion, References
 
+AGAIN = 3  # times that a stretch is gone through again where its errors were large
+
 
 @dataclass(frozen=True, eq=False)
 class _Pass:
@@ -93,47 +95,80 @@ def _forward(
     measured = references.quaternion.tolist()
     waiting = dict(zip((references.at - first).tolist(), range(len(references)), strict=True))
 
-    at = tuple(measured[0])
-    bias = np.array(np.broadcast_to(bias, 3), dtype=float)
-    bx, by, bz = bias.tolist()
-    p = np.zeros((6, 6))
-    p[:3, :3] = errors[0]
-    p[3:, 3:] = np.diag(np.broadcast_to(noise.bias_std, 3).astype(float) ** 2)
-    matrix = _matrix(at)
-    forward = np.eye(6)
-    increments, lengths = motion.increments[first:].tolist(), steps.tolist()
-    missing, identity = lost.tolist(), np.eye(3)
+    forward, identity = np.eye(6), np.eye(3)
+    increments, lengths, missing = motion.increments[first:].tolist(), steps.tolist(), lost.tolist()
     white = noise.growth(motion)[first:] / steps[:, None]  # S has a factor h on either side
 
-    quaternions[0], biases[0], covariances[0] = at, bias, p
-    for k in range(1, n):
-        x, y, z = increments[k - 1]
-        h = lengths[k - 1]
-        at = _turned(at, x - bx * h, y - by * h, z - bz * h)
-        before, matrix = matrix, _matrix(at)
-        s = (before + matrix) * (h / 2)
-        carried[k - 1] = s
+    def step(k: int, at: tuple, matrix: np.ndarray, bias: tuple, p: np.ndarray):
+        """To stamp k: the attitude, its matrix, S and the covariance there."""
+        (x, y, z), (a, b, c), h = increments[k - 1], bias, lengths[k - 1]
+        at = _turned(at, x - a * h, y - b * h, z - c * h)
+        after = _matrix(at)
+        s = (matrix + after) * (h / 2)
         forward[:3, 3:] = -s
         p = forward @ p @ forward.T
         p[:3, :3] += (s * white[k - 1]) @ s.T
         p[3:, 3:] += drift * h
         if missing[k - 1]:
             p[:3, :3] += missing[k - 1] * identity
+        return at, after, s, p
+
+    def met(p: np.ndarray, off: np.ndarray, r: np.ndarray):
+        """What a reference that is `off` (3,) with covariance r changes (6,), and the covariance after it."""
+        weighted = _inverse_of_three(p[:3, :3] + r) @ p[:3]  # Kᵀ
+        # (I − K) P = R (P + R)⁻¹ P, which does not cancel where the reference is near exact.
+        upper = r @ weighted
+        p = p - p[:, :3] @ weighted
+        p[:3], p[3:, :3] = upper, upper[:, 3:].T
+        return off @ weighted, p
+
+    def again(last: int, here: int, start: tuple, change: np.ndarray):
+        """The stretch up to a reference once more, about the bias that it showed.
+
+        An attitude that was far off lets S point the wrong way. The bias's own mean before, as a
+        state of the error about the new one, keeps what was known of it.
+        """
+        k0, at0, bias0, p0 = start
+        for _ in range(AGAIN):
+            near = np.subtract(bias0, change[3:])
+            mean = np.concatenate([np.zeros(3), near - bias0])
+            at, matrix, p = at0, _matrix(at0), p0
+            for k in range(k0 + 1, last + 1):
+                at, matrix, s, p = step(k, at, matrix, near.tolist(), p)
+                mean[:3] -= s @ mean[3:]
+            change, after = met(p, _difference(at, measured[here]) - mean[:3], errors[here])
+            left = change + mean
+            change = np.concatenate([left[:3], bias0 - near + left[3:]])
+            if left[:3] @ left[:3] < 2 * straight[here]:
+                break
+        return _corrected(at, *left[:3].tolist()), tuple((near - left[3:]).tolist()), after
+
+    straight = np.sqrt(np.trace(errors, axis1=1, axis2=2) / 3).tolist()
+    at, bias = tuple(measured[0]), tuple(np.broadcast_to(bias, 3).astype(float).tolist())
+    p = np.zeros((6, 6))
+    p[:3, :3] = errors[0]
+    p[3:, 3:] = np.diag(np.broadcast_to(noise.bias_std, 3).astype(float) ** 2)
+    matrix, start = _matrix(at), (0, at, bias, p)
+    quaternions[0], biases[0], covariances[0] = at, bias, p
+    for k in range(1, n):
+        at, matrix, carried[k - 1], p = step(k, at, matrix, bias, p)
         here = waiting.get(k)
         if here is not None:
-            r = errors[here]
-            weighted = _inverse_of_three(p[:3, :3] + r) @ p[:3]  # Kᵀ
-            change = _difference(at, measured[here]) @ weighted
-            # (I − K) P = R (P + R)⁻¹ P, which does not cancel where the reference is near exact.
-            upper = r @ weighted
-            p = p - p[:, :3] @ weighted
-            p[:3], p[3:, :3] = upper, upper[:, 3:].T
-            x, y, z, *_ = turned = change.tolist()
-            at = _corrected(at, x, y, z)
-            bx, by, bz = bx - turned[3], by - turned[4], bz - turned[5]
-            matrix = _matrix(at)
-            updates[k] = change
-        quaternions[k], biases[k], covariances[k] = at, (bx, by, bz), p
+            before, known = at, bias
+            change, after = met(p, _difference(at, measured[here]), errors[here])
+            # Of second order in the correction: beyond what a reference errs by it would count.
+            if change[:3] @ change[:3] > 2 * straight[here] and change[3:].any():
+                at, bias, p = again(k, here, start, change)
+            else:
+                at, bias, p = (
+                    _corrected(at, *change[:3].tolist()),
+                    tuple((bias - change[3:]).tolist()),
+                    after,
+                )
+            updates[k, :3] = _difference(before, at)
+            updates[k, 3:] = np.subtract(known, bias)
+            matrix, start = _matrix(at), (k, at, bias, p)
+        quaternions[k], biases[k], covariances[k] = at, bias, p
     return _Pass(first, quaternions, biases, covariances, carried, updates)
 
 

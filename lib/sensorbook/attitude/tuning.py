@@ -83,6 +83,22 @@ class Disagreement:
             return self.reference_std
         return max(self.reference_std + 2 * self.std[0], UNSEEN * float(self.rms[0]))
 
+    @property
+    def noise_shown(self) -> bool:
+        """Whether the gyroscope's N shows, by two standard errors."""
+        return self.random_walk > 2 * self.std[1]
+
+    @property
+    def noise_at_most(self) -> float:
+        """rad/s/√Hz: what N may be at most: a third of what grows over the longest windows, which their
+        own scatter hides."""
+        return float(
+            np.sqrt(
+                (self.random_walk + 2 * self.std[1]) ** 2
+                + self.rms[-1] ** 2 / (3 * self.window[-1])
+            )
+        )
+
 
 def disagreement(
     motion: Motion, references: References, random_walk: float | None = None
@@ -126,14 +142,20 @@ def tuned(
 ) -> GyroscopeNoise:
     """What a filter is given: N and K from the noise chapters where known, the rest as found here.
 
+    An N that does not show is that of a consumer's gyroscope, or as large as it may be where that is
+    less; none at all would let the filter follow no reference.
+
     A bias that a filter holds constant for ever is one that it stops to follow: where nothing shows K
     by three standard errors, it is as large as a record of this length could not tell from none,
     K = N/T, with all that makes the attitude part over the longest windows for N.
     """
-    white = found.random_walk if random_walk is None else random_walk
+    white = random_walk
+    if white is None:
+        unshown = min(max(found.random_walk, TYPICAL_RANDOM_WALK), found.noise_at_most)
+        white = found.random_walk if found.noise_shown else unshown
     if rate_random_walk is None:
         grown = max(found.explained[-1] ** 2 - 2 * found.reference_std**2, 0.0) / found.window[-1]
-        unseen = float(np.sqrt(grown)) / found.duration
+        unseen = max(float(np.sqrt(grown)), float(np.mean(white))) / found.duration
         shown = found.rate_random_walk > 3 * found.std[3]
         rate_random_walk = max(found.rate_random_walk if shown else 0.0, unseen)
     return GyroscopeNoise(white, rate_random_walk, bias_std, found.in_motion)
