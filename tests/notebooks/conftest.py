@@ -58,3 +58,15 @@ def phone(phone_folder) -> Report:
 @pytest.fixture(scope="session")
 def demo(demo_folder) -> Report:
     return render(demo_folder, demo_folder.parents[1] / "reports")
+
+
+@pytest.fixture(scope="session")
+def flown_folder(demo_folder) -> Path:
+    """Work C's gyroscope beside its reference."""
+    return simulate(demo_folder.with_name("trajectory-demo"), "trajectory")
+
+
+@pytest.fixture(scope="session")
+def flown(flown_folder) -> Report:
+    """With the noise chapter, whose record it takes."""
+    return render(flown_folder, flown_folder.parents[1] / "reports", "noise", "integrated_attitude")
