@@ -270,7 +270,9 @@ def test_broken_stamps_and_rates_are_told_and_passed_over(small):
     (gap,) = [m for m in told if "cannot be bridged" in m]
     assert gap.startswith("A gap in the gyroscope's readings, of 1.04 s at 23.96 s,")
     assert "Of 2 runs this page is about the longest." in told
-    assert report.results["attitude"]["methods"]["mekf"]["10.0"]["samples"] > 960
+    entry = methods(report)["mekf"]["10.0"]
+    # One of 2.5 references is given, the others judge; 27 rows have no rate or no order.
+    assert entry["samples"] + entry["updates"] == pytest.approx(973, abs=5)
     assert min(errors(report, "mekf")) < 1.3 * REFERENCE_MEAN
     assert (bias_off(report.results["attitude"]["bias"], BIAS) < 3.5).all()
     (run,) = {i["file"] for i in report.results["inputs"] if i["samples"] == 625}
@@ -299,8 +301,32 @@ def test_rare_references_allow_few_rates(small):
         found = small[name].results["attitude"]["bias"]
         # Within 0.02 °/s: 60 s and 800 s of a gyroscope of 0.005 °/s/√Hz beside 0.1°.
         assert found["value"] == pytest.approx(BIAS, abs=np.radians(0.02)), name
+        assert "Where all references are given none is left to judge" in page(small[name]), name
+    given = errors(small["rare"], "mekf")
+    assert given[2] is None
+    assert given[0] > given[1] > 0
+    assert errors(small["rarest"], "smoother") == [None]
+    assert "off on average" in page(small["rarest"])
     assert "told by the reference, 60 times" in page(small["rare"])
     assert "told by the reference, 40 times" in page(small["rarest"])
+
+
+def test_the_filter_s_errors_are_as_large_as_it_says(small):
+    """White noise on both sides, and what judges has its own error: 3 on average at any rate."""
+    for name in ("broken", "gaps"):
+        nees = methods(small[name])["mekf"]["10.0"]["nees"]
+        # Two thirds of it is the judge's white error, of 500 stamps: ± 0.2 by chance.
+        assert 2.2 < nees < 4.0, name
+        assert "trusts itself too much" not in page(small[name])
+
+
+@pytest.mark.parametrize("name", ["vectors", "broken", "gaps", "rare", "rarest"])
+def test_numbers_read_as_numbers(small, name):
+    text = page(small[name]).split("In two lines import")[0]
+    assert not re.search(r"[ (]-\d", text), "a hyphen for a minus"
+    assert not re.search(r"−0(\.0+)?\b(?!\.)", text), "minus zero"
+    assert not re.search(r"\b(nan|inf|None)\b", text)
+    assert "the gravity" not in text
 
 
 # ---- made-up devices: what is wrong in the declaration ----
