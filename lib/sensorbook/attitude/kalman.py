@@ -154,19 +154,17 @@ def _forward(
         at, matrix, carried[k - 1], p = step(k, at, matrix, bias, p)
         here = waiting.get(k)
         if here is not None:
-            before, known = at, bias
             change, after = met(p, _difference(at, measured[here]), errors[here])
+            x, y, z, *turning = change.tolist()
             # Of second order in the correction: beyond what a reference errs by it would count.
-            if change[:3] @ change[:3] > 2 * straight[here] and change[3:].any():
+            if x * x + y * y + z * z > 2 * straight[here] and any(turning):
+                before, known = at, bias
                 at, bias, p = again(k, here, start, change)
+                change = np.concatenate([_difference(before, at), np.subtract(known, bias)])
             else:
-                at, bias, p = (
-                    _corrected(at, *change[:3].tolist()),
-                    tuple((bias - change[3:]).tolist()),
-                    after,
-                )
-            updates[k, :3] = _difference(before, at)
-            updates[k, 3:] = np.subtract(known, bias)
+                at, p = _corrected(at, x, y, z), after
+                bias = tuple(b - c for b, c in zip(bias, turning, strict=True))
+            updates[k] = change
             matrix, start = _matrix(at), (k, at, bias, p)
         quaternions[k], biases[k], covariances[k] = at, bias, p
     return _Pass(first, quaternions, biases, covariances, carried, updates)

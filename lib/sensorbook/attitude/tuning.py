@@ -81,6 +81,8 @@ class Disagreement:
         """
         if self.reference_shown:
             return self.reference_std
+        if not self.noise_shown:
+            return float(self.rms[0]) / np.sqrt(2)
         return max(self.reference_std + 2 * self.std[0], UNSEEN * float(self.rms[0]))
 
     @property

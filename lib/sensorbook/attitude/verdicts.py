@@ -43,6 +43,8 @@ def judge(
     Refusal
         the two do not tell of the same motion, or in axes that differ by more than 5°
     """
+    if np.isnan(found.turn):
+        return ("There are too few references to tell the readings' delay; it is taken as 0.",)
     if not found.moved:
         return ("There is too little motion to tell the readings' delay; it is taken as 0.",)
     _check_quaternions(found, time, rate, at, quaternion, lost, file)
