@@ -115,8 +115,8 @@ def test_the_two_lines_give_the_true_attitude(flown_folder):
         np.linalg.norm(found.errors(table[["qx", "qy", "qz", "qw"]].to_numpy()), axis=1)
     )
     outage = (table["t"] >= 12) & (table["t"] < 20)
-    # References of 0.05° at every stamp, which are followed but for the lag of half an interval.
-    assert total[~outage].mean() < 0.3
+    # The references' 0.05° an axis is 0.08° in all; in their short gaps white noise adds to it.
+    assert total[~outage].mean() < 0.15
     # White noise over 8 s: 0.0316 √8 rad = 5° about each axis at its end.
     assert total[outage].max() < 15
 
