@@ -143,7 +143,8 @@ def angles(time: ArrayLike) -> np.ndarray:
     - pitch = 30 s(13, 70°) + 18 s(6.1, 200°), within ±48°: nowhere near the angles' lock
     - roll = 40 s(17, 130°) + 22 s(5.3, 310°)
 
-    The body turns at 15 to 23 °/s rms an axis, and at 51 °/s at most.
+    Over a minute or more the body turns at 15 to 23 °/s rms about each axis. In the first three minutes
+    it turns at 63 °/s at most, and at 51 °/s about one axis.
     """
     return np.radians(np.stack([_sum(time, rows) for rows in (YAW, PITCH, ROLL)], axis=-1))
 
