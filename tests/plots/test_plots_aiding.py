@@ -33,10 +33,40 @@ def test_angles_break_where_they_pass_half_a_turn():
     axes = plots.plot_angles(TIME, np.zeros((20, 3)), found)
     drawn = line(axes[0], "integrated")[:, 1]
     jump = np.flatnonzero(np.diff(found[:, 0]) < -np.pi) + 1
-    assert list(np.flatnonzero(np.isnan(drawn))) == list(jump) != []
-    kept = np.isfinite(drawn)
-    np.testing.assert_allclose(drawn[kept], np.degrees(found[kept, 0]))
+    broken = np.flatnonzero(np.isnan(drawn))
+    assert list(broken) == list(jump + np.arange(len(jump))) != []
+    np.testing.assert_allclose(np.delete(drawn, broken), np.degrees(found[:, 0]))
     assert line(axes[2], "reference")[:, 1].max() == 0
+
+
+def test_a_reference_that_comes_seldom_is_drawn():
+    """One stamp in five, then none for ten seconds but a single one."""
+    time = np.arange(0, 40, 0.2)
+    seldom = np.tile(np.radians(time)[:, None], 3)
+    seldom[(np.arange(200) % 5 != 0) | ((time > 10.1) & (time < 19.9))] = np.nan
+    seldom[75] = np.radians(15)
+    axes = plots.plot_angles(time, seldom, np.zeros((200, 3)), names=("camera", "filter"))
+    drawn = line(axes[1], "camera")
+    known = np.isfinite(drawn[:, 1])
+    np.testing.assert_allclose(drawn[known, 1], np.r_[0:11, 15, 20:40])
+    np.testing.assert_allclose(drawn[known, 0], drawn[known, 1])
+    assert list(np.flatnonzero(~known)) == [11, 13], "a break on either side of the single one"
+    (mark,) = [a for a in axes[1].lines if a.get_marker() == "." and len(a.get_xdata())]
+    np.testing.assert_allclose(mark.get_xydata(), [[15, 15]])
+    assert {a.get_text() for a in axes[0].get_legend().get_texts()} == {"camera", "filter"}
+    errors = plots.plot_errors(time, seldom, np.full((200, 3), 0.1))
+    np.testing.assert_allclose(errors[2].lines[0].get_xydata(), drawn)
+    lost = plots.plot_outage(time, {"mekf": seldom[:, 0]}, (12, 20), "error")
+    assert len(line(lost, "Kalman filter (MEKF)")) == 13 + 2, (
+        "6 to 10, 15, and 20 to 26 s, broken twice"
+    )
+    assert lost.get_ylabel() == "error [°]"
+
+
+def test_nothing_known_draws_nothing():
+    nothing = np.full((20, 3), np.nan)
+    axes = plots.plot_angles(TIME, nothing, np.zeros((20, 3)))
+    assert not len(line(axes[0], "reference"))
 
 
 def test_errors_within_their_band():
@@ -62,6 +92,7 @@ def test_outage_shows_what_is_about_it():
     np.testing.assert_allclose(drawn[:, 1], 1 + drawn[:, 0])
     assert (drawn[0, 0], drawn[-1, 0]) == (6, 26)
     assert axes.get_yscale() == "log"
+    assert axes.get_ylabel() == "rms error [°]"
 
 
 def test_consistency_and_growth():

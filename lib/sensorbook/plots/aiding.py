@@ -52,23 +52,41 @@ def _stack(axes: Sequence[Axes] | None, height: float) -> Sequence[Axes]:
     return plt.subplots(3, 1, **kwargs)[1]
 
 
-def _unbroken(angle: np.ndarray) -> np.ndarray:
-    """Degrees (N,) with a gap, and no line across the figure, where an angle passes ±180°."""
-    angle = np.degrees(angle)
-    return np.where(np.abs(np.diff(angle, prepend=angle[:1])) > 180, np.nan, angle)
+def _draw(axes: Axes, time: np.ndarray, values: np.ndarray, *style: str, turn=np.inf, **looks):
+    """A line through the known values of (N,), however seldom they are among NaN.
+
+    It breaks where more than three of their usual spacings go without one, and where an angle passes
+    half a `turn`; a point that stands alone between breaks is marked.
+    """
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    step = np.diff(time)
+    far = step > 3 * np.median(step) if len(step) else np.zeros(0, dtype=bool)
+    breaks = np.flatnonzero(far | (np.abs(np.diff(values)) > turn / 2)) + 1
+    (line,) = axes.plot(
+        np.insert(time, breaks, time[breaks]), np.insert(values, breaks, np.nan), *style, **looks
+    )
+    ends = np.concatenate([[0], breaks, [len(time)]])
+    alone = ends[:-1][np.diff(ends) == 1]
+    axes.plot(time[alone], values[alone], ".", color=line.get_color(), ms=4)
 
 
 def plot_angles(
     time: np.ndarray,
     true: np.ndarray,
     found: np.ndarray,
+    names: tuple[str, str] = ("reference", "integrated"),
     axes: Sequence[Axes] | None = None,
 ) -> Sequence[Axes]:
-    """Roll, pitch and yaw (N, 3), rad, true and found, against time (N,), s: C's figures 5.5 and 5.6."""
+    """Roll, pitch and yaw (N, 3), rad, true and found, against time (N,), s: C's figures 5.5 and 5.6.
+
+    `names` are what the legend calls the two.
+    """
     axes = _stack(axes, 5.0)
     for k, (a, name) in enumerate(zip(axes, _ANGLES, strict=True)):
-        a.plot(time, _unbroken(true[:, k]), color=GREY, lw=2.6, alpha=0.55, label="reference")
-        a.plot(time, _unbroken(found[:, k]), color=COLOURS["y"], lw=1.1, label="integrated")
+        wide, thin = {"color": GREY, "lw": 2.6, "alpha": 0.55}, {"color": COLOURS["y"], "lw": 1.1}
+        for angle, looks, called in zip((true, found), (wide, thin), names, strict=True):
+            _draw(a, time, np.degrees(angle[:, k]), turn=360, label=called, **looks)
         a.set_ylabel(f"{name} [°]")
         grid(a)
     axes[0].legend(ncols=2, **_ABOVE)
@@ -89,8 +107,8 @@ def plot_errors(
         if std is not None:
             half = np.degrees(SHADE * std[:, k])
             a.fill_between(time, -half, half, color=THIRD, alpha=0.35, lw=0, label="±1.96 σ")
-            a.set_ylim(*(1.6 * np.array([-1, 1]) * np.quantile(half[len(half) // 10 :], 0.98)))
-        a.plot(time, np.degrees(errors[:, k]), color=COLOURS["xyz"[k]], lw=0.9)
+            a.set_ylim(*(1.6 * np.array([-1, 1]) * np.nanquantile(half[len(half) // 10 :], 0.98)))
+        _draw(a, time, np.degrees(errors[:, k]), color=COLOURS["xyz"[k]], lw=0.9)
         a.axhline(0, color=GREY, lw=0.6)
         a.set_ylabel(f"{name} [°]")
         grid(a)
@@ -104,21 +122,26 @@ def plot_outage(
     time: np.ndarray,
     totals: Mapping[str, np.ndarray],
     outage: Sequence[float],
+    quantity: str = "rms error",
     axes: Axes | None = None,
 ) -> Axes:
-    """Errors (N,), rad, by method through an outage, s; logarithmic, as they differ so."""
+    """Errors (N,), rad, by method through an outage, s; logarithmic, as they differ so.
+
+    `quantity` names them on the axis: "error" where they are those of a single recording.
+    """
     axes = new_axes(axes)
     axes.axvspan(*outage, color="#EEEEEE", label="no reference")
     shown = (time >= outage[0] - 6) & (time <= outage[1] + 6)
     for method, total in totals.items():
         name, colour, line, _ = STYLES[method]
-        axes.plot(time[shown], np.degrees(total[shown]), line, color=colour, lw=1.5, label=name)
+        degrees = np.degrees(total[shown])
+        _draw(axes, time[shown], degrees, line, color=colour, lw=1.5, label=name)
     axes.set_yscale("log")
     # At a reference an error is next to nothing for one sample.
     usual = np.degrees(np.nanmedian([total[shown] for total in totals.values()]))
     axes.set_ylim(bottom=usual / 30)
     axes.legend(fontsize=8)
-    labelled(axes, "time [s]", "rms error [°]")
+    labelled(axes, "time [s]", f"{quantity} [°]")
     axes.grid(which="minor", color="#EEEEEE", linewidth=0.4)
     return axes
 
