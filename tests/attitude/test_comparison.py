@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 import sensorbook
 from sensorbook.attitude.aiding import Attitudes, GyroscopeNoise, Motion, References, accuracy
 from sensorbook.attitude.comparison import (
-    LastingRun,
     busiest,
     compare,
     error_table,
@@ -84,7 +83,7 @@ def test_without_truth_only_what_is_expected_is_told():
     assert entries["mekf", 2.0].record()["mean_euler_error_deg"] is None
     assert entries["mekf", 2.0].record()["expected_rms_deg"] > 0
     table = error_table(entries, NAMES, expected=True)
-    assert table.loc["reset", "2 Hz"] == "–"
+    assert list(table.index) == ["mekf"]
 
 
 def test_rates_are_those_that_the_references_allow():
@@ -97,7 +96,7 @@ def test_rates_are_those_that_the_references_allow():
 def test_references_whose_errors_last_are_widened():
     motion, source, true = drawn(lasting=True)
     run = run_of(motion, source, true)
-    assert isinstance(run, LastingRun)
+    assert run.lasting
     sparse, dense = run.at(0.2), run.at(20.0)
     assert sparse.covariance[3, 0, 0] == pytest.approx(REFERENCE_ERROR**2, rel=0.01)
     assert dense.covariance[600, 0, 0] > 10 * REFERENCE_ERROR**2
@@ -205,3 +204,34 @@ def test_a_device_in_two_lines(tmp_path):
     # A reference at every stamp, good to 0.05°; the outage from 12 to 20 s makes most of the mean.
     assert np.degrees(accuracy(found, true).mean) < 1.0
     assert np.abs(found.bias[-1] - C_BIAS).max() < 4 * np.sqrt(found.covariance[-1, 3, 3])
+
+
+def test_references_that_were_given_do_not_judge():
+    motion, source, _ = drawn()
+    run = run_of(motion, source, source)
+    taken = run.at(1.0)
+    true = run.judged_by(taken)
+    assert np.isnan(true[taken.at]).all()
+    assert np.isfinite(np.delete(true, taken.at, axis=0)).all()
+    everything = compare(run, NOISE, (1 / 0.035,), ("mekf",))
+    assert everything["mekf", 1 / 0.035].accuracy is None
+    # The judge errs by 0.05° about each axis, and a filter with 10 references a second by less at times:
+    # with its covariance the errors are as large as they should be, without it far larger.
+    fine = GyroscopeNoise(1e-5, 0.0, 0.0)
+    still = Motion.of(motion.time, experiment(5).true_rate[1:] * np.diff(motion.time)[:, None])
+    entry = compare(run_of(still, source, source), fine, (10.0,), ("mekf",))["mekf", 10.0]
+    assert entry.accuracy.nees == pytest.approx(3, abs=0.4)
+    assert np.nanmean(entry.attitudes.nees(true)) > 30
+
+
+def test_from_a_gap_to_the_next_reference_nothing_judges():
+    motion, source, true = drawn()
+    lost = np.zeros(len(motion.increments))
+    lost[500] = 1.0
+    run = run_of(Motion(motion.time, motion.increments, lost), source, true)
+    taken = run.at(1.0)
+    judged = np.isfinite(run.judged_by(taken)).all(axis=1)
+    following = taken.at[taken.at > 500][0]
+    assert judged[: 500 + 1].all()
+    assert not judged[501:following].any()
+    assert judged[following:].all()

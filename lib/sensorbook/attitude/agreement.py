@@ -67,6 +67,11 @@ class Agreement:
     moved: bool
 
     @property
+    def delay_taken(self) -> float:
+        """s, the delay where it differs from none by 1.96 standard errors, else 0."""
+        return self.delay if abs(self.delay) > 1.96 * self.delay_std else 0.0
+
+    @property
     def angle(self) -> float:
         """rad, of the misalignment."""
         return float(np.linalg.norm(self.misalignment))

@@ -25,6 +25,7 @@ from sensorbook.attitude.experiment import (
     estimate,
     prior_std,
     study,
+    through_outage,
 )
 from sensorbook.attitude.measured import widen
 from sensorbook.attitude.propagation import propagate
@@ -34,6 +35,7 @@ from sensorbook.attitude.sources import Source
 # Work C, table 5.1. Its references are exact; here they are off by 0.05° about each axis.
 C_BIAS, C_RANDOM_WALK, C_REFERENCE_STD = (0.03, 0.04, -0.01), 0.001**0.5, np.radians(0.05)
 
+OUTAGE = (12.0, 20.0)  # s, work C's
 FEWEST = 3  # references that a rate must give
 
 
@@ -91,10 +93,17 @@ class DeviceRun(Run):
         return widen(taken, self.motion.time) if self.lasting else taken
 
     def judged_by(self, taken: References) -> np.ndarray:
-        """(N, 4) the true attitudes for a method that was given some references; NaN where none judges."""
+        """(N, 4) the true attitudes for a method that was given some references; NaN where none judges.
+
+        From a gap to the next reference no method knows the attitude: that says nothing of methods.
+        """
         true = np.array(self.true)
         if self.own:
             true[taken.at] = np.nan
+        stamps = np.arange(len(true))
+        last = np.append(taken.at, len(true))[np.searchsorted(taken.at, stamps, side="right") - 1]
+        lost = np.concatenate([[0], np.cumsum(self.motion.lost > 0)])
+        true[(stamps >= taken.at[0]) & (lost > lost[np.minimum(last, len(lost) - 1)])] = np.nan
         return true
 
 
@@ -220,11 +229,25 @@ class OwnExperiment:
     over_printed : the reset's over those that work C prints, by `rates`
     filter_over_reset : the Kalman filter's over the reset's, by `rates`
     steepest : rad, the largest pitch, up or down; at 90° the angles are locked
+    time : (N,) s, of one run
+    angles : roll, pitch, yaw (N, 3), rad, of that run: "true", "alone" (C's figure 5.5) and "reset", at
+        2 Hz without references from 12 s to 20 s (C's figures 5.6 to 5.8)
+    outage : rad, mean errors of roll before, at the end of and after that, over the runs; None where the
+        stretch is too short
     """
 
     errors: Mapping[tuple[str, float], float]
     steepest: float
     rates: tuple[float, ...]
+    time: np.ndarray
+    angles: Mapping[str, np.ndarray]
+    outage: np.ndarray | None
+
+    @property
+    def reset_errors(self) -> np.ndarray:
+        """(N, 3) rad, the reset's angles less the true ones, in [−π, π]."""
+        off = self.angles["reset"] - self.angles["true"]
+        return (off + np.pi) % (2 * np.pi) - np.pi
 
     @property
     def over_printed(self) -> list[float]:
@@ -270,7 +293,21 @@ def own_experiment(
     rates = tuple(r for r in RATES if r * np.median(np.diff(time)) <= 1)
     found = study(many, noise, rates, ("integration", "reset", "reset_and_rate", "mekf"))
     errors = {key: float(summary.euler.mean()) for key, summary in found.items()}
-    return OwnExperiment(errors, float(np.abs(euler_angles(true)[:, 1]).max()), rates)
+    outage = OUTAGE if many[0].motion.time[-1] > OUTAGE[1] + 5 and 2.0 in rates else None
+    shown = {
+        "true": true,
+        "alone": estimate(many[0], "integration", NEVER, noise).quaternion,
+        "reset": estimate(many[0], "reset", min(2.0, rates[-1]), noise, outage).quaternion,
+    }
+    angles = {name: euler_angles(quaternion) for name, quaternion in shown.items()}
+    return OwnExperiment(
+        errors,
+        float(np.abs(angles["true"][:, 1]).max()),
+        rates,
+        many[0].motion.time,
+        angles,
+        None if outage is None else through_outage(many, "reset", 2.0, noise, outage).angle_1,
+    )
 
 
 def _of_rate(rate: float) -> str:

@@ -144,6 +144,8 @@ def _forward(
         return _corrected(at, *left[:3].tolist()), tuple((near - left[3:]).tolist()), after
 
     straight = np.sqrt(np.trace(errors, axis1=1, axis2=2) / 3).tolist()
+    sizes = np.linalg.eigvalsh(references.covariance)
+    uneven = (sizes[:, 2] > 4 * sizes[:, 0]).tolist()
     at, bias = tuple(measured[0]), tuple(np.broadcast_to(bias, 3).astype(float).tolist())
     p = np.zeros((6, 6))
     p[:3, :3] = errors[0]
@@ -154,6 +156,9 @@ def _forward(
         at, matrix, carried[k - 1], p = step(k, at, matrix, bias, p)
         here = waiting.get(k)
         if here is not None:
+            if uneven[here] and np.trace(p[:3, :3]) < straight[here] ** 2 * 3:
+                # An axis that the reference hardly knows must not leak into those that it knows well.
+                errors[here] = matrix @ references.covariance[here] @ matrix.T
             change, after = met(p, _difference(at, measured[here]), errors[here])
             x, y, z, *turning = change.tolist()
             # Of second order in the correction: beyond what a reference errs by it would count.

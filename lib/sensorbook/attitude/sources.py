@@ -245,7 +245,7 @@ def of_device(device: Device, bias_std: float = 0.05) -> tuple[Motion, Reference
     at, quaternion = source.references.at, source.references.quaternion
     agreed = agreement(read.time, read.rate, at, quaternion, read.lost)
     judge(agreed, read.time, read.rate, at, quaternion, read.lost)
-    moved = motion(read, 0.0 if source.lasting else agreed.delay)
+    moved = motion(read, 0.0 if source.lasting else agreed.delay_taken)
     found = tuning_of(moved, source, None, None, bias_std)
     references = found.source.references
     return moved, widen(references, read.time) if source.lasting else references, found.noise

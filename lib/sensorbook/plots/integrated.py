@@ -69,8 +69,10 @@ def plot_own_bias(
     for k, axis in enumerate("xyz"):
         axes.fill_between(
             time, bias[:, k] - half[:, k], bias[:, k] + half[:, k],
-            color=COLOURS[axis], alpha=0.2, lw=0,
+            color=COLOURS[axis], alpha=0.15, lw=0,
         )  # fmt: skip
+        for edge in (bias[:, k] - half[:, k], bias[:, k] + half[:, k]):
+            axes.plot(time, edge, ":", color=COLOURS[axis], lw=0.7)
         axes.plot(time, bias[:, k], LINES[axis], color=COLOURS[axis], lw=1.4, label=axis)
     # The band of the first seconds would hide all others.
     late = slice(len(time) // 8, None)
