@@ -121,7 +121,7 @@ def table(comparison: Comparison) -> Iterator[str]:
                      _shown(change.reference, scale), _shown(change.other, scale), unit, z,
                      _word(change, comparison.threshold)))  # fmt: skip
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    for row in rows:
+    for row in rows if len(rows) > 1 else ():
         yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
     yield from (f"  Note: {caution}" for caution in comparison.cautions)
     yield f"  {_conclusion(comparison)}"
@@ -246,6 +246,9 @@ def _cautions(reference: Entry, other: Entry) -> Iterator[str]:
                    f"{rates[1]:g} Hz: quantization and what a low-pass hides differ")  # fmt: skip
     if any("camera" in (r.at("sensors").value or {}) for r in (reference, other)):
         yield "a camera's results are its images: they are not compared"
+    if any(r.get("attitude").get("methods").value for r in (reference, other)):
+        yield ("an integrated attitude hangs on the motion and the references of its recording: it is not "
+               "compared")  # fmt: skip
     for sensor in reference.at("sensors").value or {}:
         was, now = (
             r.at("sensors").get(sensor).get("thermal").value or {} for r in (reference, other)

@@ -18,6 +18,10 @@ from sensorbook.reporting.junit import junit_xml
 
 SOFTWARE = dict.fromkeys(("sensorbook", "python", "numpy", "scipy"), "1")
 NASTY = "<script>alert(1)</script>"
+NOT_COMPARED = (
+    "an integrated attitude hangs on the motion and the references of its recording: "
+    "it is not compared"
+)
 
 
 def error(mean, **more):
@@ -38,7 +42,21 @@ METHODS = {
 }
 BIAS = {"value": [math.radians(b) for b in (0.2, 0.12, -0.23)],
         "std": [math.radians(0.0123)] * 3, "unit": "rad/s"}  # fmt: skip
-FULL = {"methods": METHODS, "bias": BIAS, "delay_s": 0.0175, "tuning": {"source": "noise"}}
+TUNING = {"random_walk": [2e-4] * 3, "rate_random_walk": [1e-6] * 3, "bias_std": [0.05] * 3,
+          "in_motion": 2e-3, "reference_std": 1e-3, "prior_bias_std": 0.05,
+          "reference": "reference"}  # fmt: skip
+FULL = {"methods": METHODS, "bias": BIAS, "delay_s": 0.0175, "tuning": TUNING}
+# A device that gravity and field alone tell the attitude of: filters have a covariance, others none.
+UNJUDGED = {
+    "integration": {"never": error(None, expected_rms_deg=None)},
+    "smoother": {"1.0": error(None, expected_rms_deg=0.25234)},
+    "complementary": {"1.0": error(None, expected_rms_deg=None)},
+    "mekf": {
+        "10.0": error(None, expected_rms_deg=0.465),
+        "0.1": error(None, expected_rms_deg=12.369),
+        "1.0": error(None, expected_rms_deg=0.671),
+    },
+}
 
 
 def assembled(found, reason=None, folder="imu", status=None, noise=None):
@@ -104,6 +122,18 @@ def test_the_schema_takes_none_and_what_is_not_known():
     validate(assembled({"methods": {}}))
     validate(assembled(FULL | {"bias": None, "delay_s": None, "more": [1]}))
     validate(assembled({"methods": {"mekf": {"1e-05": error(1.0), "2": error(0, more=1)}}}))
+    validate(assembled({"methods": UNJUDGED, "tuning": {"random_walk": [1, 2, 3], "more": "1"}}))
+
+
+def test_the_schema_says_what_each_number_is():
+    told = json.loads(results.SCHEMA.read_text())["$defs"]
+    assert told["attitude_error"]["properties"].keys() >= error(1, expected_rms_deg=1).keys()
+    assert told["attitude"]["properties"]["tuning"]["properties"].keys() == TUNING.keys()
+    errors, properties = told["attitude_error"]["properties"], told["attitude"]["properties"]
+    assert "not given to the method" in errors["mean_error_deg"]["description"]
+    assert "own covariance" in errors["expected_rms_deg"]["description"]
+    assert "stamped later than the motion" in properties["delay_s"]["description"]
+    assert all(entry["description"] for entry in properties["tuning"]["properties"].values())
 
 
 @pytest.mark.parametrize(
@@ -124,6 +154,15 @@ def test_the_schema_takes_none_and_what_is_not_known():
         {"methods": {}, "bias": {"value": [0, 0, 0], "unit": "rad/s"}},
         {"methods": {}, "delay_s": "late"},
         {"methods": {}, "tuning": 3},
+        {"methods": {"mekf": {"1.0": error(1.0, expected_rms_deg="1")}}},
+        {"methods": {"mekf": {"1.0": error(1.0, expected_rms_deg=-1.0)}}},
+        *(
+            {"methods": {}, "tuning": TUNING | {key: "none"}}
+            for key in TUNING
+            if key != "reference"
+        ),
+        *({"methods": {}, "tuning": TUNING | {key: [1.0, 1.0]}} for key in TUNING),
+        {"methods": {}, "tuning": TUNING | {"in_motion": -1.0}},
     ],
 )
 def test_the_schema_refuses(wrong):
@@ -135,7 +174,8 @@ def test_the_schema_refuses(wrong):
 
 
 def test_errors_in_the_order_of_methods_and_rates():
-    more = {**METHODS, "own": {"1": error(1)}}
+    aided = {f"mekf_{source}": {"1": error(0.3)} for source in ("vectors", "camera", "other")}
+    more = {**aided, **METHODS, "own": {"1": error(1)}}
     assert list(mean_errors({"attitude": {"methods": more}})) == [
         ("integration", "never", 47.81),
         ("mekf", "never", None),
@@ -143,18 +183,25 @@ def test_errors_in_the_order_of_methods_and_rates():
         ("mekf", "2.0", 0.25),
         ("mekf", "10.0", 0.123456),
         ("smoother", "1.0", 0.2),
+        ("mekf_camera", "1", 0.3),
+        ("mekf_vectors", "1", 0.3),
+        ("mekf_other", "1", 0.3),
         ("own", "1", 1),
     ]
+    nothing = {"methods": {"integration": {"never": error(None)}}}
     for none in ({}, {"attitude": {"reason": "none"}}, {"attitude": {"methods": {}}}):
         assert list(mean_errors(none)) == []
         assert real_time_error(none) is None
         assert attitude_table({"chapters": []} | none) is None
+    assert attitude_table({"chapters": [], "attitude": nothing}) is None, "no table of dashes"
 
 
 def test_the_real_time_error_is_that_of_the_most_frequent_reference_that_has_one():
     assert real_time_error(assembled(FULL)) == (0.123456, "at 10 Hz")
     unknown = {"mekf": METHODS["mekf"] | {"10.0": error(None)}, "smoother": {"50.0": error(0.01)}}
     assert real_time_error({"attitude": {"methods": unknown}}) == (0.25, "at 2 Hz")
+    others = {"mekf": {"1.0": error(0.5)}, "mekf_vectors": {"10.0": error(0.1)}}
+    assert real_time_error({"attitude": {"methods": others}}) == (0.5, "at 1 Hz")
     for rates in ({"never": error(3.0)}, {"often": error(3.0)}, {"nan": error(3.0)}):
         assert real_time_error({"attitude": {"methods": {"mekf": rates}}}) is None
 
@@ -195,8 +242,9 @@ def test_index(tmp_path):
     ]
     assert table_rows(page, "The gyroscope's bias") == [
         ["Quantity", "x", "y", "z", "Unit"],
-        ["Bias", "0.200 ± 0.012", "0.120 ± 0.012", "-0.230 ± 0.012", "°/s"],
+        ["Bias", "0.200 ± 0.024", "0.120 ± 0.024", "−0.230 ± 0.024", "°/s"],  # 1.96 · 0.0123
     ]
+    assert "of themselves" not in page
     soup = BeautifulSoup(page, "html.parser")
     assert soup.find(id="attitude").get_text() == "Integrated attitude"
     links = [a.get_text() for a in soup.find_all("a", href="attitude/integrated_attitude.html")]
@@ -220,6 +268,64 @@ def test_index_names_the_methods_and_shows_others_as_inert_text(tmp_path):
     ]
     assert NASTY not in page
     assert "The gyroscope's bias" not in page
+
+
+def test_index_names_the_methods_of_the_device_s_other_sources(tmp_path):
+    methods = {
+        "smoother_vectors": {"1.0": error(0.7)},
+        "mekf_camera": {"1.0": error(0.4)},
+        "mekf": {"0.1": error(0.3), "1.0": error(None)},
+        "complementary_vectors": {"1.0": error(0.9)},
+        "mekf_vectors": {"1.0": error(0.8)},
+        "mekf_": {"1.0": error(2)},
+    }
+    page = index.device_page(assembled({"methods": methods}), tmp_path)
+    assert table_rows(page, "Mean error of the attitude") == [
+        ["Method", "0.1 Hz", "1 Hz"],
+        ["Kalman filter (MEKF)", "0.3", "–"],
+        ["Kalman filter (MEKF), camera", "–", "0.4"],
+        ["complementary filter, gravity and field", "–", "0.9"],
+        ["Kalman filter (MEKF), gravity and field", "–", "0.8"],
+        ["smoother (RTS), gravity and field", "–", "0.7"],
+        ["mekf_", "–", "2"],
+    ]
+
+
+def test_index_of_a_device_without_a_reference_shows_what_the_filters_expect(tmp_path):
+    found = assembled({"methods": UNJUDGED, "bias": BIAS})
+    validate(found)
+    page = index.device_page(found, tmp_path)
+    assert table_rows(page, "What the filters expect of themselves: error (rms)") == [
+        ["Method", "0.1 Hz", "1 Hz", "10 Hz"],
+        ["Kalman filter (MEKF)", "12.4", "0.671", "0.465"],
+        ["smoother (RTS)", "–", "0.252", "–"],
+    ]
+    assert "no reference judges them" in page
+    assert "Mean error" not in page
+    assert real_time_error(found) is None
+    assert results.csv_text(found).splitlines() == [",".join(results.COLUMNS)]
+
+
+def test_index_leaves_out_what_has_no_number_where_something_judges(tmp_path):
+    rare = {"mekf": {"0.1": error(0.3, expected_rms_deg=0.2), "0.2": error(None, expected_rms_deg=0.1)},
+            "smoother": {"0.2": error(None, expected_rms_deg=0.1)}}  # fmt: skip
+    page = index.device_page(assembled({"methods": rare}), tmp_path)
+    assert table_rows(page, "Mean error of the attitude") == [
+        ["Method", "0.1 Hz"],
+        ["Kalman filter (MEKF)", "0.3"],
+    ]
+
+
+def test_index_of_a_bias_alone_and_of_one_without_error(tmp_path):
+    exact = {
+        "value": [0.0, math.radians(-0.5), math.radians(2.0)],
+        "std": [0, 0, 0],
+        "unit": "rad/s",
+    }
+    page = index.device_page(assembled({"methods": {}, "bias": exact}), tmp_path)
+    assert table_rows(page, "The gyroscope's bias")[1] == ["Bias", "0", "−0.5", "2", "°/s"]
+    assert "expect of themselves" not in page
+    assert "Mean error" not in page
 
 
 def test_index_of_a_refusal_of_a_fault_and_of_no_such_chapter(tmp_path):
@@ -298,7 +404,7 @@ def estimates(value, unit="rad/s"):
     return {name: copy.deepcopy(axis) for name in "xyz"}
 
 
-def test_comparison_is_that_without_an_attitude(tmp_path, capsys):
+def test_comparison_is_that_without_an_attitude_but_for_a_note(tmp_path, capsys):
     said = []
     for attitude in ({"attitude": FULL}, {"attitude": {"reason": "none"}}, {}):
         paths = []
@@ -309,8 +415,47 @@ def test_comparison_is_that_without_an_attitude(tmp_path, capsys):
             paths[-1].write_text(json.dumps(found | attitude))
         assert main(["compare", *map(str, paths)]) == 0
         said.append(capsys.readouterr())
-    assert said[0] == said[1] == said[2]
+    assert said[1] == said[2]
+    note = f"  Note: {NOT_COMPARED}\n"
+    assert said[0].out.count(note) == 1
+    assert said[0].out.replace(note, "") == said[2].out
     assert "gyroscope angle random walk N" in said[0].out
+
+
+def test_comparison_of_devices_with_an_attitude_alone(tmp_path, capsys):
+    paths = [tmp_path / f"{name}.json" for name in "ab"]
+    for path in paths:
+        path.write_text(json.dumps(assembled(FULL, folder=path.stem)))
+    assert main(["compare", *map(str, paths)]) == 0
+    title, *lines = capsys.readouterr().out.splitlines()
+    assert title == "b (2026-01-01), against a (2026-01-01)"
+    nothing = "Nothing to compare: the two have no number with an interval in common."
+    assert lines == [f"  Note: {NOT_COMPARED}", f"  {nothing}"], "no table without rows"
+
+
+@pytest.mark.parametrize(
+    ("form", "wanted"),
+    [
+        ("yaml", ["no sensor has a calibration or a thermal model"]),
+        ("c-header", ["no sensor has a calibration or a thermal model"]),
+        ("allan-csv", ["no sensor has an Allan curve"]),
+        ("kalibr", ["Kalibr needs both sensors"] * 2),
+        ("ardupilot", ["sensors.magnetometer: is missing"]),
+        ("px4", ["sensors.magnetometer: is missing"]),
+    ],
+)
+def test_exports_of_a_device_with_an_attitude_alone(tmp_path, capsys, form, wanted):
+    file = tmp_path / "results.json"
+    file.write_text(json.dumps(assembled(FULL)))
+    assert main(["export", str(file), "--format", form]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    lines = said.err.splitlines()
+    assert len(lines) == len(wanted)
+    for line, words in zip(lines, wanted, strict=True):
+        assert words in line
+        assert " — " in line, "how to mend it"
+        assert "record" in line.split(" — ")[1]
 
 
 def test_exports_are_those_without_an_attitude(tmp_path, capsys):
