@@ -16,6 +16,7 @@ from sensorbook.attitude.propagation import (
     rotation_increments,
     turn_matrix,
 )
+from sensorbook.attitude.rotations import compose_quaternions
 
 START = Rotation.from_rotvec([0.4, -1.1, 0.7])
 
@@ -195,6 +196,10 @@ def test_a_pass_by_the_lock():
     rates = euler_rates(by.angles, [0.0, 1.0, 0.0])
     assert rates[:, 2].max() == pytest.approx(1 / np.sin(np.radians(2)))
     assert rates[:, 0].max() == pytest.approx(1 / np.tan(np.radians(2)))
+    # The yaw rate falls to half of its peak where the body has turned by arcsin(tan d).
+    turn = np.arcsin(np.tan(np.radians(30))) / 10
+    half = euler_rates(study.lock_pass(np.radians(30), turn, 10).angles, [0.0, 1.0, 0.0])[:, 2]
+    assert half[[0, 10, 20]] == pytest.approx([1, 2, 1])
     assert len(study.lock_pass(0.1, np.radians(20)).along) == 9  # 80° aside, not more
 
 
@@ -235,6 +240,27 @@ def test_arithmetic_is_of_the_type_asked_for():
         at = at @ turn
     assert (found[-1] == at).all()
     assert propagate_matrix(turns, np.eye(3)).dtype == np.float64
+
+
+@pytest.mark.parametrize("turned", [[0.3, 0.2, -0.5], [0.0, 0.0, 0.0]])
+def test_a_step_stands_on_the_left_of_the_house_product(turned):
+    """q ← δq ⊗ q with ⊗ of (2.12), as the chapter prints it; the other order is Hamilton's."""
+    size = np.linalg.norm(turned)
+    delta = np.append(np.sinc(size / 2 / np.pi) / 2 * np.array(turned), np.cos(size / 2))
+    right = one_by_one([turned])[1:]
+    found = compose_quaternions(delta, START.as_quat())[None]
+    assert between(found, right) < 1e-14
+    assert between(study.propagate_quaternion([turned], START.as_quat())[1:], right) < 1e-14
+    other = compose_quaternions(START.as_quat(), delta)[None]
+    assert (between(other, right) > 0.1) == (size > 0)
+
+
+def test_one_step_after_another_is_what_blocks_give():
+    increments = study.stated_motion(50, 20).increments()
+    start = START.as_quat()
+    # 1000 steps, a rounding of 1e-16 or some each.
+    found = study.propagate_quaternion(increments, start)
+    assert between(found, propagate(increments, start)) < 1e-12
 
 
 # The study's motions

@@ -22,6 +22,7 @@ from sensorbook.attitude.propagation import (
     rotation_increments,
     turn_matrix,
 )
+from sensorbook.attitude.rotations import compose_quaternions
 
 # The stated motion: each angle is a (1 − cos(2π t/T)), at rest at t = 0; a (deg) and T (s).
 ROLL, PITCH, YAW = (20.0, 5.3), (15.0, 7.3), (60.0, 23.0)
@@ -126,10 +127,12 @@ def coning_drift(motion: KnownMotion) -> dict[str, float]:
 def coning_drift_rate(
     half_angle: float, frequency: float, rate_hz: ArrayLike
 ) -> dict[str, np.ndarray]:
-    """The same in closed form, for small half-angles θ and mean readings, with x = Ω h (Bortz 1971).
+    """The same in closed form, for small half-angles θ and mean readings, with x = Ω h.
 
-    −½ sin²θ Ω times 1, times 1 − sin x/x, and times 1 − sin x/x − (1 − cos x) sin x/(3 x) where
-    the cross product of neighbouring increments is added. The sum's is exact: −Ω (1 − cosθ).
+    The sum's is exact: −Ω (1 − cosθ), the solid angle that the axis goes round (Goodman and Robinson
+    1958). The others are the usual measure of coning algorithms (Ignagni 1990, Savage 1998):
+    −½ sin²θ Ω times 1 − sin x/x, and times 1 − sin x/x − (1 − cos x) sin x/(3 x) where the cross
+    product of neighbouring increments is added.
     """
     circular = 2 * np.pi * frequency
     x = circular / np.asarray(rate_hz, dtype=float)
@@ -199,6 +202,20 @@ def attitudes_of(matrices: ArrayLike) -> np.ndarray:
 def euler_attitudes(angles: ArrayLike) -> np.ndarray:
     """The attitudes (N, 4) of roll, pitch and yaw (N, 3), rad, whatever their size."""
     return Rotation.from_euler("ZYX", np.asarray(angles)[:, ::-1]).as_quat()
+
+
+def propagate_quaternion(increments: ArrayLike, start: ArrayLike) -> np.ndarray:
+    """Attitudes (N, 4), by q ← δq ⊗ q one step after another; δq stands as the matrix of (2.12).
+
+    It is what `propagate` does, made as the matrices are, so that the times of both can be compared.
+    """
+    turns = Rotation.from_rotvec(increments).as_quat()
+    products = np.swapaxes(compose_quaternions(turns[:, None], np.eye(4)), -1, -2)
+    attitudes = np.empty((len(products) + 1, 4))
+    attitudes[0] = start
+    for k, product in enumerate(products):
+        attitudes[k + 1] = product @ attitudes[k]
+    return attitudes
 
 
 def tour(axes: str, turn: float) -> tuple[np.ndarray, np.ndarray]:
@@ -311,7 +328,7 @@ METHODS = {
     "Euler angles (5.1), Runge–Kutta": Method(
         lambda turned: propagate_euler(turned, np.zeros(3)), euler_attitudes
     ),
-    "quaternion": Method(lambda turned: propagate(turned, START), np.asarray),
+    "quaternion": Method(lambda turned: propagate_quaternion(turned, START), np.asarray),
 }
 
 
