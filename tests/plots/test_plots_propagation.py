@@ -86,3 +86,11 @@ def test_coning_has_lines_of_the_formula_and_marks_of_the_measurement():
     assert line.get_ydata() == pytest.approx([0.4, 0.2])
     assert marks.get_ydata() == pytest.approx([0.5, 0.1])
     assert marks.get_linestyle() == "None"
+
+
+@pytest.mark.parametrize(("at", "lines"), [(4.9, 2), (5, 3), (10, 3), (4000, 2)])
+def test_coning_marks_the_chapters_readings_where_the_curves_reach_them(at, lines):
+    curve = {"a": np.array([0.5, 0.1])}
+    axes = plots.plot_coning(np.array([5, 10]), curve, curve, at)
+    assert len(axes.lines) == lines
+    assert axes.get_xlim()[1] < 20

@@ -164,14 +164,18 @@ def plot_coning(
     at: float,
     axes: Axes | None = None,
 ) -> Axes:
-    """Coning drift as a share of ½ sin²θ Ω, by readings a cycle: measured as marks, formulas as lines."""
+    """Coning drift as a share of ½ sin²θ Ω, by readings a cycle: measured as marks, formulas as lines.
+
+    `at` is the chapter's number of readings a cycle, marked where the curves reach it.
+    """
     axes = new_axes(axes)
     for name, colour, mark in zip(measured, PALETTE[::2], MARKS, strict=False):
         axes.plot(per_cycle, np.maximum(formula[name], _LEAST), color=colour, linewidth=1.4)
         points = np.maximum(measured[name], _LEAST)
         axes.plot(per_cycle, points, mark, color=colour, ms=5, mfc="none", label=name)
     log_log(axes)
-    axes.axvline(at, color=GREY, linestyle="--", linewidth=1.2)
+    if per_cycle[0] <= at <= per_cycle[-1]:
+        axes.axvline(at, color=GREY, linestyle="--", linewidth=1.2)
     axes.set_xlabel("readings a round of the cone")
     axes.set_ylabel("drift / (½ sin²θ Ω)")
     axes.legend(frameon=False)
