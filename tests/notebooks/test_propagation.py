@@ -1,8 +1,11 @@
 """The chapter on propagation: its numbers, and sentences that follow its parameters."""
 
+import re
+
 import numpy as np
 import pytest
 from devices import ended, read_chapter
+from scipy.spatial.transform import Rotation
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,12 @@ def test_numbers(read):
         },
         abs=0.05,
     )
-    delay = found["delay"]
+    delay, here = found["delay"], found["by_rate"]["here"]
+    # One number for one loss, wherever the chapter has it.
+    assert delay["held_samples"] == here["samples, held for the next step"]
+    assert delay["errors"]["sample, taken for sample"] == here["samples, interpolated"]
+    assert delay["errors"]["mean before, taken for mean before"] == here["means"]
+    assert found["errors"]["quaternion"] == pytest.approx(here["means"], rel=1e-6)
     assert delay["held_samples"] == pytest.approx(delay["half_interval_times_rate"], rel=0.01)
     assert delay["errors"]["mean after, taken for mean before"] == pytest.approx(
         2 * delay["held_samples"], rel=0.01
@@ -69,14 +77,20 @@ def test_numbers(read):
 def test_sentences(read):
     text = read[1]
     assert "leaves the body turned by **120°**, with integrals of zero" in text
-    assert "The second leaves it turned by 0°, with integrals of 0°, 90° and -90°." in text
+    assert "The second leaves it turned by 0°, with integrals of 0°, 90° and −90°." in text
     assert "its yaw rate reaches **2,578 °/s**, 57.3 times as much" in text
+    assert "above half of that for 0.044 s" in text  # 2 · 1° / 45 °/s
+    assert "a peak of roll and yaw, one line on the other; pitch" in text
     assert "which is little; the quaternion never errs by more than" in text
     assert "A degree or more is lost from a closest approach of" in text
     assert "to the power 1.00 for held samples, 2.00 for interpolated ones" in text
     assert "at 10 readings a round the correction takes away 92.3 %" in text
     assert "half an interval, 10 ms, times the largest rate, 35.4 °/s, is 0.354°" in text
     assert "know what the stamp means" in text
+    assert "sum of each axis −2.467 −2.467" in text
+    assert "drifts by −2.47 °/s, or −148° in 60 s" in text
+    assert "formulas as lines; dashed, this chapter's. Look for" in text
+    assert "half-angle of" not in text.split("hardly")[0].split("Coning drift, over")[1]
     assert "Warning" not in text
 
 
@@ -92,6 +106,44 @@ def test_sentences_change_with_the_facts(other):
     assert np.degrees(found["lock"]["yaw_rate"]["value"]) == pytest.approx(yaw)
     drift = found["coning"]["measured"]["sum of each axis"]
     assert drift == pytest.approx(-6 * np.pi * (1 - np.cos(np.radians(20))))
+    # The drift without correction, exactly: a step's turn and the cone's own are one turn, less the cone's.
+    half, phase = np.radians(20), 2 * np.pi * 3 / 10
+    step = [2 * np.sin(half) * np.sin(phase / 2), 0, -(1 - np.cos(half)) * phase]
+    whole = Rotation.from_rotvec(step) * Rotation.from_rotvec([0, 0, phase])
+    exact = 10 * (whole.magnitude() - phase)
+    off = 100 * abs(found["coning"]["formula"]["no correction"] / exact - 1)
+    wide = re.search(r"half-angle of 20° the formula .* is ([\d.]+) % off", text)
+    assert float(wide[1]) == pytest.approx(off, abs=0.01)  # it is shown to two digits
+
+
+def test_a_step_of_matrix_and_quaternion_are_compared_as_measured(read):
+    """The machine decides, so that either outcome is right; the words must be those of the times."""
+    cost, text = read[0]["results"]["propagation"]["seconds_a_step"], read[1]
+    ratio = cost["matrix (5.2)"] / cost["quaternion"]
+    said = [
+        "about as long: in both" in text,
+        "less: its multiplications are fewer" in text,
+        "more, though its multiplications are fewer" in text,
+    ]
+    assert said == [2 / 3 < ratio < 1.5, ratio >= 1.5, ratio <= 2 / 3]
+
+
+def test_far_from_the_lock_on_a_wide_and_slow_cone(tmp_path):
+    _, text = read_chapter(
+        "propagation",
+        tmp_path,
+        rate_hz=50.0,
+        seconds=30.0,
+        pass_rate=1.0,
+        closest_approach=45.0,
+        cone_half_angle=30.0,
+        cone_frequency=0.05,
+        steps=1000,
+    )
+    assert "its yaw rate reaches **1.414 °/s**, 1.41 times as much" in text
+    assert "above half of that for 180 s" in text
+    assert "a peak of roll and yaw, roll's 71 % as high as yaw's; pitch" in text
+    assert "formulas as lines; this chapter has 1,000 readings a round, outside the figure." in text
 
 
 def test_where_nothing_is_lost(tmp_path):
