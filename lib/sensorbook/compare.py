@@ -121,7 +121,7 @@ def table(comparison: Comparison) -> Iterator[str]:
                      _shown(change.reference, scale), _shown(change.other, scale), unit, z,
                      _word(change, comparison.threshold)))  # fmt: skip
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    for row in rows if len(rows) > 1 else ():
+    for row in rows:
         yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
     yield from (f"  Note: {caution}" for caution in comparison.cautions)
     yield f"  {_conclusion(comparison)}"
