@@ -269,9 +269,10 @@ def _usable(recording: Recording, what: str) -> tuple[np.ndarray, list[str]]:
         rows &= recording.values.any(axis=1)  # zeros stand for no attitude
     if not rows.all():
         count = len(rows) - int(rows.sum())
+        share = 100 * count / len(rows)
         verb = "holds" if count == 1 else "hold"
         done.append(
-            f"{count} of the {sensor}'s {len(rows)} rows ({100 * count / len(rows):.2g} %) {verb} no "
+            f"{count} of the {sensor}'s {len(rows)} rows ({share:.{2 if share < 99 else 4}g} %) {verb} no "
             f"{what}: left out."
         )
     if sensor in IMPLAUSIBLE and len(rows):
