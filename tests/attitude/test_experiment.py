@@ -81,7 +81,10 @@ def test_references_by_rate_and_outage(runs):
     np.testing.assert_allclose(stamps, np.arange(len(stamps)), atol=STEP / 2 + 1e-9)
     kept = run.motion.time[run.at(1.0, (12, 20)).at]
     assert not ((kept >= 12) & (kept < 20)).any()
-    assert len(stamps) - len(kept) == 9, "12.005 s to 19.985 s"
+    # The ticks at 12 s and 20 s take the nearest stamps outside, where 12.005 s and 19.985 s are nearer.
+    np.testing.assert_allclose(kept[11:14], [10.99, 11.97, 20.02], atol=1e-9)
+    np.testing.assert_array_equal(kept[:12], stamps[:12])
+    np.testing.assert_array_equal(kept[14:], stamps[21:])
 
 
 def test_work_c_s_table(found):
@@ -114,6 +117,7 @@ def test_summary_of_the_study(runs, found):
     assert summary.mean == pytest.approx(np.mean([a.mean for a in each]))
     assert summary.nees == pytest.approx(np.mean([a.nees for a in each]))
     np.testing.assert_allclose(summary.euler, np.mean([a.euler for a in each], axis=0))
+    assert summary.scatter == pytest.approx(np.std([a.euler.mean() for a in each], ddof=1))
     ends = [e.estimate(run, "mekf", 2.0, NOISE).bias[-1] - run.bias for run in runs]
     assert summary.bias_rms == pytest.approx(np.sqrt(np.mean(np.square(ends))))
     # What 60 s of white noise leave of a bias, N/√T = 0.0041 rad/s; 18 numbers scatter by a sixth.
@@ -125,6 +129,7 @@ def test_summary_of_the_study(runs, found):
 def test_a_study_of_some_pairs(runs):
     some = e.study(runs[:1], NOISE, [1.0], ("reset", "integration"))
     assert set(some) == {("integration", e.NEVER), ("reset", 1.0)}
+    assert np.isnan(some["reset", 1.0].scatter), "one run has none"
 
 
 def test_methods_without_references_integrate(runs):
@@ -135,20 +140,6 @@ def test_methods_without_references_integrate(runs):
         same = np.abs(np.sum(alone * other, axis=1))
         np.testing.assert_allclose(same, 1, rtol=0, atol=1e-9, err_msg=method)
     np.testing.assert_array_equal(e.estimate(run, "integration", 1.0, NOISE).quaternion, alone)
-
-
-def test_mixed_up_axes(runs):
-    """The same angle about a wrong axis: no difference while body and reference axes agree."""
-    time = np.arange(600) * STEP
-    still = np.tile([0, 0, 0, 1.0], (600, 1))
-    run = e.c_experiment(time, np.zeros((599, 3)), still, 1909, [0, 0, 0.05], 1e-6, 1e-6)
-    reset = e.estimate(run, "reset", 1.0, NOISE)
-    np.testing.assert_allclose(
-        e.mixed_up(run, run.at(1.0)).errors(still), reset.errors(still), atol=1e-5
-    )
-    right = np.mean([accuracy(e.estimate(r, "reset", 1.0, NOISE), r.true).mean for r in runs])
-    wrong = np.mean([accuracy(e.mixed_up(r, r.at(1.0)), r.true).mean for r in runs])
-    assert wrong > 2 * right
 
 
 def test_consistency(runs):
@@ -191,26 +182,28 @@ def test_growth(known):
 def test_through_an_outage(runs):
     lost = {m: e.through_outage(runs, m, 2.0, NOISE, (12, 20)) for m in ("reset", "mekf")}
     before, end, after = np.degrees(lost["reset"].angle_1)
-    # C: 0.84°, 18.0°, 1.05° for one draw on another motion; the bias alone makes 8 s × 2.9 °/s in all.
+    # C: 0.84°, 18.0°, 1.05° for one draw on another motion; the bias alone makes 8 s × 2.9 °/s in all,
+    # of which less than half is angle 1 on this one.
     assert 0.5 < before < 1.5
-    assert 8 < end < 25
+    assert 6 < end < 25
     assert 0.5 < after < 1.5
     assert lost["mekf"].whole[1] < 0.75 * lost["reset"].whole[1]
     time = runs[0].motion.time
     assert lost["reset"].total.shape == time.shape
-    # The largest error is at the end, before the first reference, at 20.5 s (20.0 s is before a stamp).
-    assert 19.9 < time[np.argmax(lost["reset"].total)] < 20.6
-    assert lost["reset"].whole[1] == pytest.approx(lost["reset"].total.max(), rel=0.15)
+    # The largest error is at the first reference, 20.02 s, before it is made use of; 19.985 s is the end.
+    assert 19.9 < time[np.argmax(lost["reset"].total)] < 20.03
+    by_hand = [
+        np.linalg.norm(e.estimate(run, "reset", 2.0, NOISE, (12, 20)).errors(run.true), axis=1)
+        for run in runs
+    ]
+    assert lost["reset"].whole[1] == pytest.approx(np.mean(by_hand, axis=0)[571])
+    assert lost["reset"].whole[2] == pytest.approx(np.mean(by_hand, axis=0)[573:687].mean())
+    assert time[686] < 24.02 <= time[687] + 1e-9
 
 
 def test_an_outage_to_the_end(runs):
     with pytest.raises(ValueError, match="no reference comes after the outage"):
         e.through_outage(runs[:1], "mekf", 2.0, NOISE, (55, 61))
-
-
-def test_prior():
-    assert e.prior_std([0.03, 0.04, -0.01], 1e-4, 60) == pytest.approx(np.sqrt(26 / 3) / 100)
-    assert e.prior_std([0, 0, 0], 0.06, 36) == pytest.approx(0.01)
 
 
 def test_rate_needed():

@@ -30,7 +30,6 @@ from sensorbook.attitude.correction import (
     steady_gain,
 )
 from sensorbook.attitude.kalman import mekf, smoother
-from sensorbook.attitude.propagation import propagate
 
 NEVER = 0.0  # the reference rate of an attitude that has only its start
 RATES = (0.1, 0.2, 1.0, 2.0, 10.0)  # Hz, C's
@@ -68,11 +67,16 @@ class Run:
     bias: np.ndarray
 
     def at(self, rate: float, outage: Sequence[float] | None = None) -> References:
-        """The references at `rate` (Hz), or the first alone; none from outage[0] to outage[1] (s)."""
+        """The references at `rate` (Hz), or the first alone; none from outage[0] to outage[1] (s).
+
+        They are chosen among those outside the outage: a tick at its end takes the first that follows.
+        """
         if rate == NEVER:
             return self.references.where([0])
-        chosen = self.references.at_rate(self.motion.time, rate)
-        return chosen if outage is None else chosen.outside(self.motion.time, *outage)
+        time, allowed = self.motion.time, self.references
+        if outage is not None:
+            allowed = allowed.outside(time, *outage)
+        return allowed.at_rate(time, rate)
 
 
 def c_experiment(
@@ -110,15 +114,6 @@ def c_experiment(
         true,
         bias,
     )
-
-
-def prior_std(bias: ArrayLike, random_walk: float, seconds: float) -> float:
-    """What is known of a bias's size beforehand, rad/s: its rms over the axes (3,), as of a data sheet.
-
-    At least what white noise hides in a whole run, N/√T: a smaller one could not be told from none.
-    """
-    size = np.sqrt(np.mean(np.square(bias)))
-    return float(max(size, random_walk / np.sqrt(seconds)))
 
 
 def _complementary(run: Run, references: References, noise: GyroscopeNoise) -> Attitudes:
@@ -166,6 +161,7 @@ class Summary:
     mean : of the total angle
     axes : (3,) of the error vector's components, absolute
     euler : (3,) of roll, pitch, yaw (C's angles 1 to 3), absolute
+    scatter : standard deviation over the runs of the mean of `euler`; NaN for one run
     nees : normalised error squared, NaN where the method has no covariance
     bias_rms : rad/s an axis, of the bias at the run's end; NaN where the method has none
     """
@@ -173,16 +169,19 @@ class Summary:
     mean: float
     axes: np.ndarray
     euler: np.ndarray
+    scatter: float
     nees: float
     bias_rms: float
 
     @classmethod
     def of(cls, runs: Sequence[Accuracy], biases: Sequence[np.ndarray | None]) -> Summary:
         off = [b for b in biases if b is not None]
+        angles = [a.euler.mean() for a in runs]
         return cls(
             float(np.mean([a.mean for a in runs])),
             np.mean([a.axes for a in runs], axis=0),
             np.mean([a.euler for a in runs], axis=0),
+            float(np.std(angles, ddof=1)) if len(runs) > 1 else np.nan,
             float(np.mean([a.nees for a in runs])),
             float(np.sqrt(np.mean(np.square(off)))) if off else np.nan,
         )
@@ -211,27 +210,6 @@ def study(
         ]
         found[method, rate] = Summary.of(*zip(*each, strict=True))
     return found
-
-
-def mixed_up(run: Run, references: References) -> Attitudes:
-    """Work C's correction with the product (5.3) as printed, A_i A_aᵀ, on matrices body → reference.
-
-    The difference is then in reference axes, and is taken out of the body's rates all the same. Its sign
-    is set right here, so that the axes alone are mixed up.
-    """
-    first, last = int(references.at[0]), len(run.true) - 1
-    quaternion = np.full((last + 1, 4), np.nan)
-    at, ends, pending = references.quaternion[0], [*references.at[1:], last], np.zeros(3)
-    quaternion[first] = at
-    for k, (start, end) in enumerate(zip(references.at, ends, strict=True)):
-        if k:
-            image = Rotation.from_quat(references.quaternion[k])
-            pending = (Rotation.from_quat(at) * image.inv()).as_rotvec()
-        turned = run.motion.increments[start:end].copy()
-        turned[:1] -= pending
-        quaternion[start : end + 1] = propagate(turned, at)
-        at = quaternion[end]
-    return Attitudes(quaternion)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,8 +311,8 @@ def through_outage(
 ) -> Outage:
     """A method with references at `rate` (Hz) but for an outage (s).
 
-    *Before* is the mean of the four seconds before it, *at its end* the last stamp before a reference,
-    *after* the mean of the four seconds from then on.
+    *Before* is the mean of the four seconds before it, *at its end* the last stamp within it, *after* the
+    mean of the four seconds from the first reference on.
 
     Raises
     ------
@@ -350,12 +328,12 @@ def through_outage(
         found = estimate(run, method, rate, noise, outage)
         angle_1.append(np.abs(found.euler_errors(run.true)[:, 0]))
         size.append(np.linalg.norm(found.errors(run.true), axis=1))
-    last = int(following[0]) - 1
-    # Two stamps on: work C's correction takes effect one step after the reference.
+    back, stamps = int(following[0]), np.arange(len(time))
+    # After one stamp more: work C's correction takes effect one step after the reference.
     parts = (
         (time >= outage[0] - 4) & (time < outage[0]),
-        np.arange(len(time)) == last,
-        (np.arange(len(time)) >= last + 2) & (time <= time[last] + 4),
+        stamps == np.searchsorted(time, outage[1]) - 1,
+        (stamps > back) & (time < time[back] + 4),
     )
     return Outage(
         np.sqrt(np.mean(np.square(size), axis=0)),
