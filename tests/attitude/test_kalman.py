@@ -209,3 +209,17 @@ def test_errors_of_unequal_axes_stay_with_the_body():
     )
     std = np.sqrt(np.diagonal(found.covariance[references.at[0], :3, :3]))
     assert std == pytest.approx([0.1, 1e-4, 1e-4])
+
+
+def test_the_smoother_takes_exact_references_without_noise():
+    motion, references, true = of_seed(2, 1.0)
+    exact = References(references.at, true[references.at], np.zeros((len(references), 3, 3)))
+    drawn = experiment(2)
+    increments = drawn.true_rate[1:] * np.diff(motion.time)[:, None] + np.multiply.outer(
+        motion.steps, C_BIAS
+    )
+    found = smoother(Motion.of(motion.time, increments), exact, GyroscopeNoise(0.0, 0.0, 0.03))
+    # The bias is found from the second reference on, and held against all: what is left is rounding's,
+    # and the first stretch's linearisation.
+    assert np.abs(found.errors(true)).max() < 1e-4
+    assert found.bias[-1] == pytest.approx(C_BIAS, abs=1e-5)

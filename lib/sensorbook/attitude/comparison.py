@@ -289,7 +289,8 @@ def own_experiment(
         for seed in range(runs)
     ]
     noise = GyroscopeNoise(C_RANDOM_WALK, 0.0, C_BIAS_STD)
-    rates = tuple(r for r in RATES if r * np.median(np.diff(time)) <= 1)
+    duration, step = time[-1] - time[0], float(np.median(np.diff(time)))
+    rates = tuple(r for r in RATES if r * step <= 1 and r * duration >= FEWEST)
     found = study(many, noise, rates, ("integration", "reset", "reset_and_rate", "mekf"))
     errors = {key: float(summary.euler.mean()) for key, summary in found.items()}
     outage = OUTAGE if many[0].motion.time[-1] > OUTAGE[1] + 5 and 2.0 in rates else None

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude.aiding import Attitudes, GyroscopeNoise, Motion, References
 
+LEAST = 1e-8  # rad, 0.002″: no reference is better, and rounding would make a better one's variances negative
 AGAIN = 3  # times that a stretch is gone through again where its errors were large
 
 
@@ -92,6 +93,7 @@ def _forward(
 
     turn = Rotation.from_quat(references.quaternion).as_matrix()
     errors = turn @ references.covariance @ np.swapaxes(turn, -1, -2)  # in reference axes
+    errors += LEAST**2 * np.eye(3)
     measured = references.quaternion.tolist()
     waiting = dict(zip((references.at - first).tolist(), range(len(references)), strict=True))
 
@@ -216,7 +218,8 @@ def _inverse(matrices: np.ndarray) -> np.ndarray:
     size = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
     scale = np.where(size > 0, 1 / np.where(size > 0, size, 1), 0.0)
     scaled = matrices * scale[:, :, None] * scale[:, None, :]
-    scaled += np.where(size > 0, 0.0, 1.0)[:, :, None] * np.eye(6)
+    # Exact references and no noise leave one of two errors to tell the other: rounding's worth of its own.
+    scaled += np.where(size > 0, 1e-13, 1.0)[:, :, None] * np.eye(6)
     return np.linalg.inv(scaled) * scale[:, :, None] * scale[:, None, :]
 
 

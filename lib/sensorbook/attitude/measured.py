@@ -21,7 +21,8 @@ from sensorbook.errors import Refusal
 # are as large on average. Of the body's acceleration the length is squared and averaged over `WINDOW`;
 # of the field, whose errors last as long as the body stays where it is, half of it is the whole record's.
 # A few independent errors in a window are at times far too small by chance: hence factors above 1. All
-# were set on simulated motions, where δᵀP⁻¹δ/3 is 0.7 to 1.5 on average.
+# were set on simulated motions, where δᵀP⁻¹δ/3 is 0.7 to 1.5 on average; a body that is shaken by 1 to
+# 3 m/s² throughout hides from them what rest would show, and has 1.5 to 2.8.
 WINDOW = 2.0  # s
 GRAVITY_FACTOR, FIELD_FACTOR = 1.2, 1.3
 HOPELESS = 0.3  # share of its length by which a vector may be off

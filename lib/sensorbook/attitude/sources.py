@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from sensorbook.attitude.preparation import (
     reference_track,
     vectors_on_stamps,
 )
-from sensorbook.attitude.tuning import Disagreement, assumed, disagreement, tuned
+from sensorbook.attitude.tuning import FEWEST, Disagreement, assumed, disagreement, tuned
 from sensorbook.attitude.verdicts import judge
 from sensorbook.earth import FIELD_YEARS, field_in_ned
 from sensorbook.errors import Refusal
@@ -61,8 +61,11 @@ def sources(
     beside: Mapping[str, Recording],
     images: Iterable[Mapping] = (),
     declination: float = 0.0,
+    delay: float = 0.0,
 ) -> tuple[Source, ...]:
     """The sources of a trajectory, best first: a recorded reference, a camera, gravity and field.
+
+    One beside the first that cannot serve is left out, which the first's notes say.
 
     Parameters
     ----------
@@ -70,45 +73,44 @@ def sources(
     beside : recordings of the trajectory by sensor: reference, accelerometer, magnetometer
     images : the camera chapter's record of its images
     declination : rad, of magnetic north, east of true north
+    delay : s, of the gyroscope against the first source; accelerometer and magnetometer share its clock,
+        and are as late
 
     Raises
     ------
     Refusal
         nothing tells the attitude
     """
-    found, moved = [], motion(read)
-
-    def add(name: str, key: str, track: ReferenceTrack, covariance: np.ndarray | None) -> None:
-        at, quaternion = on_stamps(read, track, moved)
-        spread = np.full((len(at), 3, 3), np.nan)
-        if covariance is not None:
-            nearest = np.abs(read.time[at][:, None] - track.time[None, :]).argmin(axis=1)
-            spread = covariance[nearest]
-        found.append(
-            Source(name, key if found else "", References(at, quaternion, spread), track.notes)
-        )
-
-    if "reference" in beside:
-        add("reference", "", reference_track(beside["reference"]), None)
+    moved = motion(read)
+    late = replace(read, time=read.time + delay)
     solved = [image for image in images if image.get("quaternion") and image.get("time")]
-    if solved:
+
+    def reference() -> Source:
+        track = reference_track(beside["reference"])
+        at, quaternion = on_stamps(read, track, moved)
+        unknown = np.full((len(at), 3, 3), np.nan)
+        return Source("reference", "reference", References(at, quaternion, unknown), track.notes)
+
+    def camera() -> Source:
         time, quaternion, covariance = from_camera(solved)
-        add("camera", "camera", ReferenceTrack(time, quaternion), covariance)
-    if {"accelerometer", "magnetometer"} <= set(beside):
-        force, field = (
-            vectors_on_stamps(read, beside[sensor]) for sensor in ("accelerometer", "magnetometer")
-        )
+        at, quaternion = on_stamps(read, ReferenceTrack(time, quaternion), moved)
+        nearest = np.abs(read.time[at][:, None] - time[None, :]).argmin(axis=1)
+        return Source("camera", "camera", References(at, quaternion, covariance[nearest]), ())
+
+    def vectors() -> Source:
+        sensors = ("accelerometer", "magnetometer")
+        force, field = (vectors_on_stamps(late, beside[sensor]) for sensor in sensors)
         measured = from_gravity_and_field(read.time, force, field, declination)
-        found.append(
-            Source(
-                "gravity and field",
-                "vectors" if found else "",
-                measured.references,
-                measured.notes,
-                lasting=True,
-            )
-        )
-    if not found:
+        return Source("gravity and field", "vectors", measured.references, measured.notes, True)
+
+    there = []
+    if "reference" in beside:
+        there.append((reference, "The reference"))
+    if solved:
+        there.append((camera, "The camera"))
+    if {"accelerometer", "magnetometer"} <= set(beside):
+        there.append((vectors, "Gravity and field"))
+    if not there:
         alone = "accelerometer" in beside or "magnetometer" in beside
         raise Refusal(
             "Nothing beside the gyroscope tells the attitude"
@@ -121,7 +123,37 @@ def sources(
             "Record accelerometer and magnetometer with it, or the attitude itself "
             '(sensor = "reference").',
         )
-    return tuple(found)
+    found, left_out = [], []
+    for k, (source, name) in enumerate(there):
+        try:
+            each = source()
+        except Refusal as refusal:
+            if len(there) == 1 or (name == "The reference"):
+                raise
+            left_out.append(f"{name} cannot serve beside it: {refusal.reason}")
+            continue
+        rare = not each.covariance_known and len(each.references) < FEWEST
+        if rare and k + 1 < len(there):
+            left_out.append(
+                f"The {each.name} tells {len(each.references)} attitudes, too few to find out how good they "
+                "are: it is left out."
+            )
+            continue
+        found.append(each)
+    if not found:
+        raise Refusal(" ".join(left_out), "Give recordings of one clock.")
+    return (replace(found[0], key="", notes=(*found[0].notes, *left_out)), *found[1:])
+
+
+def in_one_frame(found: Sequence[Source]) -> tuple[list[tuple[Source, float]], list[str]]:
+    """The sources after the first in its frame, each with the angle left (rad rms), and why some are not."""
+    turned, notes = [], []
+    for each in found[1:]:
+        try:
+            turned.append(in_frame_of(each, found[0]))
+        except Refusal as refusal:
+            notes.append(f"{each.name.capitalize()} cannot be compared: {refusal.reason}")
+    return turned, notes
 
 
 def beside_of(device: Device, gyroscope: Recording) -> dict[str, Recording]:
@@ -144,7 +176,11 @@ def declination_at(site: Mapping) -> tuple[float, str]:
     place = np.radians(known[0]), np.radians(known[1]), site.get("height", 0.0)
     north, east, _ = field_in_ned(*place, known[2])
     angle = float(np.arctan2(east, north))
-    return angle, f"true north for north: the compass points {np.degrees(angle):.1f}° east of it"
+    side = "east" if angle >= 0 else "west"
+    return (
+        angle,
+        f"true north for north: the compass points {np.degrees(abs(angle)):.1f}° {side} of it",
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,12 @@
 
 Between two references the gyroscope's rotation and theirs differ by e. Over windows of length T
 
-    E[e²] = 2 σ² + N² T + c² ∫|ω|² dt + K² T² (D − T)/6     on each axis,
+    E[e²] = 2 σ² + N² T + c² ∫|ω|² dt + K² T² (D − T)²/(6 D)     on each axis,
 
 σ being the reference's error, N and K the gyroscope's noise, and c what scale factors, misalignments
 and timing err by while the body turns (`GyroscopeNoise`). Short windows show σ, long ones the rest. The
-last term is that of a bias that walks, less its mean over the record of length D: of its variance
-K² D/6 about the mean, K² T/6 is within a window.
+last term is that of a bias that walks, less its mean over the record of length D, in windows that begin
+anywhere: the mean square of a Wiener process's window means about its mean.
 """
 
 from __future__ import annotations
@@ -256,7 +256,7 @@ def _fit(pairs: _Pairs, bias: np.ndarray, duration: float, random_walk: float | 
     def means(chosen: np.ndarray) -> tuple[float, ...]:
         """Of some windows: length, what was seen, and what each term has for a factor."""
         length = pairs.length[chosen]
-        walk = (length**2 * (duration - length) / 6).mean()
+        walk = (length**2 * (duration - length) ** 2 / (6 * duration)).mean()
         return (
             length.mean(),
             apart[chosen].mean(),

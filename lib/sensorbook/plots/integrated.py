@@ -41,7 +41,7 @@ def plot_disagreement(found: Disagreement, axes: Axes | None = None) -> Axes:
         (found.random_walk * np.sqrt(x), "angle random walk", COLOURS["z"], LINES["z"]),
         (np.sqrt(found.motion_share) * np.sqrt(x), "while turning", COLOURS["y"], LINES["y"]),
         (
-            found.rate_random_walk * x * np.sqrt((found.duration - x) / 6),
+            found.rate_random_walk * x * (found.duration - x) / np.sqrt(6 * found.duration),
             "rate random walk",
             ACCENT,
             ":",
