@@ -25,6 +25,7 @@ from IPython.display import display
 
 import sensorbook
 from sensorbook.errors import InputError, Problem
+from sensorbook.recordings.clock import duration_words
 from sensorbook.recordings.recording import html_table
 
 MIME = "application/vnd.sensorbook+json"
@@ -319,14 +320,6 @@ def escape(text: str) -> str:
     """Text that stays inert in Markdown and in HTML: punctuation becomes character references."""
     line = "".join(c if c.isprintable() else " " for c in str(text)).strip()
     return "".join(f"&#{ord(c)};" if c in string.punctuation else c for c in line)
-
-
-def duration_words(seconds: float) -> str:
-    """A duration to three digits in the unit a reader would choose: `2 h`, `45.5 min`, `9.3 s`."""
-    for unit, size, least in (("d", 86400, 172800), ("h", 3600, 7200), ("min", 60, 120)):
-        if seconds >= least:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.3g} s"
 
 
 class _Inert(string.Formatter):

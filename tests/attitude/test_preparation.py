@@ -169,10 +169,31 @@ def test_unsorted_stamps_are_refused(device, time):
         gyroscope_of(device(rates(time)[order]))
     assert re.fullmatch(
         r"gyroscope.csv: only \d+ of the gyroscope's 1000 rows can be used. "
-        r"\d+ rows of the gyroscope whose time stamp does not advance: set aside.",
+        r"\d+ rows of the gyroscope whose time stamp does not advance: set aside, as the file's rows are "
+        "not sorted by time.",
         caught.value.reason,
     )
+    assert caught.value.remedy == "Sort the file's rows by time."
+
+
+def test_many_repeated_stamps_are_no_want_of_order(device, time):
+    """Twice as many rows as stamps and one: a clock that ticks too seldom, and that nothing sorts."""
+    table = np.repeat(rates(time[:300]), 3, axis=0)
+    with pytest.raises(Refusal, match=r"does not advance: set aside\.") as caught:
+        gyroscope_of(device(table))
     assert caught.value.remedy.startswith("Record again without losses")
+
+
+def test_rows_without_a_stamp_are_told_as_such(device, time):
+    table = rates(time)
+    table[[100, 300], 0] = np.nan
+    table[500, 0] = table[499, 0]
+    found = gyroscope_of(device(table))
+    assert len(found.time) == ROWS - 3
+    assert found.notes[:2] == (
+        "2 rows of the gyroscope without a time stamp: left out.",
+        "1 row of the gyroscope whose time stamp does not advance: set aside.",
+    )
 
 
 def test_a_gap_of_5_s_loses_one_step(device, time):
@@ -190,6 +211,11 @@ def test_the_longest_of_several_gaps_is_named(device, time):
     assert found.lost.sum() == 3
     assert "3 gaps in the gyroscope's readings, the longest of 0.8 s at 6 s" in found.notes[0]
     assert "not known across them" in found.notes[0]
+
+
+def test_an_hour_s_gap_is_told_in_minutes(device, time):
+    late = np.where(np.arange(ROWS) < 500, time, time + 3600)
+    assert "of 60 min at 9.98 s" in gyroscope_of(device(rates(late))).notes[0]
 
 
 def test_short_gaps_are_bridged(device, time):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sensorbook import Refusal
-from sensorbook.recordings.clock import measured_rate, missing_samples
+from sensorbook.recordings.clock import measured_rate, missing_samples, shuffled
 
 from .conftest import recording
 
@@ -24,6 +24,26 @@ def test_the_rate_is_found_whatever_the_jitter(rate, jitter, start):
     # Stamps far from zero are rounded to 2.4e-7 s.
     assert measured_rate(time) == pytest.approx(rate, rel=1e-3 + 1e-6 * rate)
     assert not missing_samples(np.sort(time), rate).any()
+
+
+def test_rows_out_of_order_are_told_from_clocks_that_err():
+    rng = np.random.default_rng(2)
+    time = np.arange(2000) / 100
+    mixed = rng.permutation(time)
+    assert shuffled(mixed)
+    assert shuffled(np.where(rng.random(2000) < 0.1, np.nan, mixed))
+    assert not shuffled(time)
+    assert not shuffled(np.r_[time[1000:], time[:1000]])  # a block out of place
+    assert not shuffled(np.tile(time[:100], 20))  # a clock that starts anew
+    assert not shuffled(time + rng.normal(scale=0.02, size=2000))  # stamps of arrival
+    assert not shuffled(np.full(2000, np.nan))
+
+
+def test_what_only_wants_sorting_is_told_so():
+    time = np.random.default_rng(3).permutation(1000) / 100
+    with pytest.raises(Refusal) as caught:
+        recording(time).evenly_sampled()
+    assert caught.value.remedy == "Sort the file's rows by time."
 
 
 @pytest.mark.parametrize("rate", [400.0, 600.0, 700.0, 900.0])

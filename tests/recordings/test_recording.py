@@ -71,6 +71,13 @@ def test_gaps_duplicates_and_backward_stamps_are_counted(write, rng):
     ]
 
 
+def test_shuffled_rows_are_to_be_sorted(write, rng):
+    """The few stamps that advance by chance tell neither the rate nor gaps."""
+    (problems, (found,)) = check(write(t=rng.permutation(1000) / 100, **axes(rng, 1000)))
+    assert problems == []
+    assert (found.kind, found.remedy) == ("backward", "sort the rows by time")
+
+
 def test_a_declared_rate_that_the_stamps_deny(write, rng):
     path = write(t=np.arange(500) / 50, **axes(rng, 500))
     text = (

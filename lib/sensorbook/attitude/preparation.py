@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from sensorbook.attitude.aiding import Motion
 from sensorbook.attitude.propagation import rotation_increments
 from sensorbook.errors import InputError, Problem, Refusal
-from sensorbook.recordings.clock import advancing, missing_samples
+from sensorbook.recordings.clock import advancing, duration_words, missing_samples, shuffled
 from sensorbook.recordings.corruption import IMPLAUSIBLE, implausible
 from sensorbook.recordings.even import BRIDGED_INTERVALS, BRIDGED_SECONDS, MINIMUM_SAMPLES
 from sensorbook.recordings.recording import QUATERNION, Recording
@@ -70,9 +70,9 @@ class ReferenceTrack:
 def readings(recording: Recording) -> Readings:
     """The readings of a gyroscope's trajectory.
 
-    Rows without a rate, or with one that no gyroscope reads, are left out, and rows whose stamp does
-    not advance are set aside. Gaps up to 5 intervals, or 0.1 s where that is more, are bridged: the
-    rate is interpolated across them. The rotation across a longer one is lost.
+    Rows without a rate or a stamp, or with a rate that no gyroscope reads, are left out, and rows whose
+    stamp does not advance are set aside. Gaps up to 5 intervals, or 0.1 s where that is more, are
+    bridged: the rate is interpolated across them. The rotation across a longer one is lost.
 
     Raises
     ------
@@ -88,7 +88,9 @@ def readings(recording: Recording) -> Readings:
         raise Refusal(
             f"{recording.file}: only {len(kept)} of the gyroscope's {len(recording)} rows can be used. "
             f"{' '.join(done)}".rstrip(),
-            "Record again without losses, each sample stamped when it is taken.",
+            "Sort the file's rows by time."
+            if shuffled(recording.time)
+            else "Record again without losses, each sample stamped when it is taken.",
         )
     time, rate = recording.start + recording.time[kept], recording.values[kept]
     _require_plausible(recording, rate)
@@ -106,9 +108,9 @@ def readings(recording: Recording) -> Readings:
         gaps = "A gap" if one else f"{lost.sum()} gaps"
         most = "" if one else "the longest "
         done.append(
-            f"{gaps} in the gyroscope's readings, {most}of {length:.3g} s at {place:.6g} s, cannot be "
-            f"bridged: the attitude is not known across {'it' if one else 'them'}; each method goes "
-            "on from the next reference."
+            f"{gaps} in the gyroscope's readings, {most}of {duration_words(length)} at {place:.6g} s, "
+            f"cannot be bridged: the attitude is not known across {'it' if one else 'them'}; each method "
+            "goes on from the next reference."
         )
     return Readings(time, rate, lost, tuple(done))
 
@@ -129,8 +131,8 @@ def motion(readings: Readings, delay: float = 0.0) -> Motion:
 def reference_track(recording: Recording) -> ReferenceTrack:
     """The attitudes of a recording of the sensor "reference", in the house's sense.
 
-    Rows without an attitude (empty, or all zeros) are left out, rows whose stamp does not advance set
-    aside. Lengths that are off 1 by up to 5 % are made 1.
+    Rows without a stamp or an attitude (empty, or all zeros) are left out, rows whose stamp does not
+    advance set aside. Lengths that are off 1 by up to 5 % are made 1.
 
     Raises
     ------
@@ -283,10 +285,17 @@ def _usable(recording: Recording, what: str) -> tuple[np.ndarray, list[str]]:
                 f"{_count(len(absurd), 'row')} of the {sensor} beyond {IMPLAUSIBLE[sensor]:g} "
                 f"{recording.unit}: left out."
             )
+    unstamped = rows & ~np.isfinite(recording.time)
+    if unstamped.any():
+        done.append(
+            f"{_count(unstamped.sum(), 'row')} of the {sensor} without a time stamp: left out."
+        )
+        rows &= ~unstamped
     ordered = _in_order(recording, rows)
     if back := int(rows.sum() - ordered.sum()):
+        why = ", as the file's rows are not sorted by time" if shuffled(recording.time) else ""
         done.append(
-            f"{_count(back, 'row')} of the {sensor} whose time stamp does not advance: set aside."
+            f"{_count(back, 'row')} of the {sensor} whose time stamp does not advance: set aside{why}."
         )
     return ordered, done
 

@@ -1,10 +1,12 @@
-"""What time stamps tell: which advance, the sampling rate, and where samples are missing."""
+"""What time stamps tell: their order, the sampling rate, and where samples are missing."""
 
 from __future__ import annotations
 
 import numpy as np
 
 _COUNTED = 6  # intervals
+_SHUFFLED = 0.1  # of the steps go back, more than where a clock is set or a block is out of place …
+_FAR = 10  # … by so many intervals, more than stamps of arrival jitter
 
 
 def advancing(time: np.ndarray) -> np.ndarray:
@@ -13,6 +15,17 @@ def advancing(time: np.ndarray) -> np.ndarray:
     advances = np.ones(len(time), dtype=bool)
     advances[1:] = ~(time[1:] <= latest[:-1])  # a NaN before the first stamp hides nothing
     return advances & np.isfinite(time)
+
+
+def shuffled(time: np.ndarray) -> bool:
+    """True where so many stamps (N,) go back, and so far, that the rows are out of order, not the clock."""
+    known = time[np.isfinite(time)]
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd stamps
+        steps = np.diff(known)
+        back = -steps[steps < 0]
+        if len(back) <= _SHUFFLED * len(steps):
+            return False
+        return bool(np.median(back) > _FAR * np.median(np.diff(np.sort(known))))
 
 
 def measured_rate(time: np.ndarray, declared: float | None = None) -> float | None:
@@ -73,3 +86,11 @@ def missing_samples(time: np.ndarray, rate: float) -> np.ndarray:
         jump = np.clip(np.nan_to_num(jump, nan=np.inf), 0, 1e9)
         missing[candidates] = np.rint(jump).astype(np.int64)
     return missing
+
+
+def duration_words(seconds: float) -> str:
+    """A duration to three digits in the unit a reader would choose: `2 h`, `45.5 min`, `9.3 s`."""
+    for unit, size, least in (("d", 86400, 172800), ("h", 3600, 7200), ("min", 60, 120)):
+        if seconds >= least:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sensorbook.errors import Refusal
-from sensorbook.recordings.clock import advancing, missing_samples
+from sensorbook.recordings.clock import advancing, missing_samples, shuffled
 from sensorbook.recordings.recording import Recording
 
 MINIMUM_SAMPLES = 100
@@ -94,7 +94,9 @@ def _check_enough(recording: Recording, used: int, done: str) -> None:
         raise Refusal(
             f"{recording.file} has no even time base: only {used} of {len(recording)} samples of the "
             f"{recording.sensor} follow one another without a gap. {done}".rstrip(),
-            "Record again without losses.",
+            "Sort the file's rows by time."
+            if shuffled(recording.time)
+            else "Record again without losses.",
         )
 
 

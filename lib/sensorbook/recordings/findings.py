@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sensorbook.recordings.clock import advancing, missing_samples
+from sensorbook.recordings.clock import advancing, duration_words, missing_samples, shuffled
 from sensorbook.recordings.corruption import IMPLAUSIBLE, frozen, implausible
 from sensorbook.recordings.merging import merged
 from sensorbook.recordings.recording import Finding, Recording
@@ -18,7 +18,7 @@ SATURATED_SHARE = 1e-3
 # Full scales of converters of 8 to 32 bits, signed and unsigned; 0 is no sign of saturation.
 _FULL_SCALES = {s for b in (8, 12, 14, 16, 20, 24, 32) for s in (-(2 ** (b - 1)), 2 ** (b - 1) - 1)}
 _FULL_SCALES |= {2**b - 1 for b in (8, 12, 14, 16, 20, 24, 32)}
-# Mean magnitude at rest that a right unit and scale can give, SI.
+# Magnitude at rest, or typically in motion, that a right unit and scale can give, SI.
 _PLAUSIBLE = {
     "accelerometer": (5.0, 15.0, "gravity is 9.8 m/s²"),
     "gyroscope": (0.0, 1.0, "at rest it turns with the Earth, 7.3e-05 rad/s, plus its bias"),
@@ -37,8 +37,8 @@ def examine(
 
 
 def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
-    def say(kind: str, message: str, where: str = recording.sensor):
-        found.append(Finding(recording.file, where, kind, message))
+    def say(kind: str, message: str, where: str = recording.sensor, remedy: str = ""):
+        found.append(Finding(recording.file, where, kind, message, remedy))
 
     _clock(recording, say)
     if recording.sensor in SENSOR_UNITS and recording.rate is not None:
@@ -55,12 +55,13 @@ def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
         if recording.sensor in SENSOR_UNITS and (message := saturation(column, recording.kind)):
             say("saturated", message, where)
     if recording.kind in ("static", "thermal") and recording.sensor in SENSOR_UNITS:
-        low, high, why = _PLAUSIBLE[recording.sensor]
-        magnitude = float(np.linalg.norm(np.nanmedian(recording.values, axis=0)))
-        if not low <= magnitude <= high:
-            unit = recording.declaration.get("unit", "")
-            say("unit", f"reads {magnitude:.3g} {recording.unit} at rest, but {why}: "
-                        f"check the unit {unit!r} and the scale")  # fmt: skip
+        _magnitude(
+            recording, np.linalg.norm(np.nanmedian(recording.values, axis=0)), "at rest", say
+        )
+    elif recording.kind == "trajectory" and recording.sensor == "accelerometer":
+        force = np.linalg.norm(recording.values, axis=1)
+        if np.isfinite(force).any():
+            _magnitude(recording, np.nanmedian(force), "typically", say)
     if recording.kind == "static" and recording.sensor in SENSOR_UNITS:
         rows = shocks(recording.values)
         if len(rows):
@@ -73,6 +74,14 @@ def _examine(recording: Recording, raw, names, found: list[Finding]) -> None:
                                   "reported as white noise is that of rounding")  # fmt: skip
     if recording.temperature is not None:
         _temperature(recording.temperature, say)
+
+
+def _magnitude(recording: Recording, magnitude: float, when: str, say) -> None:
+    low, high, why = _PLAUSIBLE[recording.sensor]
+    if not low <= magnitude <= high:
+        unit = recording.declaration.get("unit", "")
+        say("unit", f"reads {magnitude:.3g} {recording.unit} {when}, but {why}: "
+                    f"check the unit {unit!r} and the scale")  # fmt: skip
 
 
 def _corrupt(recording: Recording, say) -> None:
@@ -104,7 +113,8 @@ def _clock(recording: Recording, say) -> None:
     if recording.rate is None or "time" not in recording.declaration.get("columns", {}):
         return
     time, declared = recording.time, recording.declaration.get("rate")
-    if declared is not None and abs(recording.rate / declared - 1) > RATE_TOLERANCE:
+    mixed = shuffled(time)  # then what advances by chance tells neither rate nor gaps
+    if not mixed and declared is not None and abs(recording.rate / declared - 1) > RATE_TOLERANCE:
         say("rate", f"the time column gives {recording.rate:g} Hz, not the {declared:g} Hz "
                     "declared: the time column is used")  # fmt: skip
     missing = int(np.count_nonzero(~np.isfinite(time)))
@@ -117,14 +127,17 @@ def _clock(recording: Recording, say) -> None:
     backward = np.flatnonzero(steps < 0)
     if len(backward):
         say("backward", f"the time goes back at {_places(len(backward))}, first at "
-                        f"{time[backward[0]]:.6g} s by {-steps[backward[0]]:.3g} s")  # fmt: skip
+                        f"{time[backward[0]]:.6g} s by {duration_words(-steps[backward[0]])}",
+            remedy="sort the rows by time" if mixed else "")  # fmt: skip
+    if mixed:
+        return
     good = np.flatnonzero(advancing(time))
     missing = missing_samples(time[good], recording.rate)
     if missing.any():
         longest = int(np.argmax(missing))
-        length = time[good[longest + 1]] - time[good[longest]]
+        length = duration_words(time[good[longest + 1]] - time[good[longest]])
         say("gap", f"samples missing at {_places(np.count_nonzero(missing))}, {missing.sum()} in all;"
-                   f" the longest gap is {length:.3g} s at {time[good[longest]]:.6g} s")  # fmt: skip
+                   f" the longest gap is {length} at {time[good[longest]]:.6g} s")  # fmt: skip
 
 
 def saturation(column: np.ndarray, kind: str) -> str:
