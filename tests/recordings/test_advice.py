@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sensorbook.cli import main
-from sensorbook.recordings.advice import advise
+from sensorbook.recordings.advice import advise, of_trajectory
 from sensorbook.recordings.recording import Recording
 from sensorbook.simulate import simulate
 from sensorbook.simulate.positions import EDGES, FACES, RATE, hand_moved
@@ -108,13 +108,198 @@ def test_what_moves_is_no_rest():
     assert "turns at up to 9.9°/s" in told(recording(600, values=spun))["moved"][0]
 
 
+def test_an_absurd_sample_is_left_out_of_the_numbers():
+    """Told as corrupt, it is no measure of the noise."""
+    clean = recording(600)
+    values = clean.values.copy()
+    values[30_000] = 1e20
+    number = r"no bias instability below ([\d.e+]+) "
+    (there,), (alike,) = (
+        re.findall(number, told(run)["short"][0]) for run in (clean, replace(clean, values=values))
+    )
+    assert float(alike) == pytest.approx(float(there), rel=0.06)  # one step of its two digits
+
+
+def test_slow_positions():
+    assert "sampled at 10 Hz" in told(recording(100, 10.0, kind="positions"))["rate"][0]
+
+
+# --- a trajectory ---
+
+
+def moved(seconds=40.0, rate=50.0, size=1.0, periods=(7.0, 5.0, 3.0)):
+    """Gyroscope and reference of one motion about all axes; the readings are means over intervals.
+
+    66 °/s rms at a `size` of 1; the three angles swing with these periods (s).
+    """
+    rng = np.random.default_rng(23)
+    time = np.arange(round(seconds * rate)) / rate
+    angles = np.array([0.9, 0.4, 0.7]) * np.sin(
+        2 * np.pi * time[:, None] / np.array(periods) + [0, 1, 2]
+    )
+    body = Rotation.from_euler("ZYX", size * angles)
+    turned = (body[:-1].inv() * body[1:]).as_rotvec() * rate
+    rates = np.concatenate([turned[:1], turned]) + rng.normal(scale=1e-3, size=(len(time), 3))
+    error = Rotation.from_rotvec(rng.normal(scale=2e-3, size=(len(time), 3)))
+    gyroscope = recording(seconds, rate, kind="trajectory", values=rates)
+    reference = replace(
+        gyroscope,
+        sensor="reference",
+        values=(body * error).as_quat(),
+        declaration={"quaternion": "body_to_reference"},
+    )
+    return replace(gyroscope, declaration={"unit": "rad/s"}), reference
+
+
+def lines(*recordings, calibrated=False):
+    """What is told of recordings of a trajectory: problems, and findings."""
+    problems, findings = of_trajectory(recordings, calibrated)
+    return [str(p) for p in problems], [str(f) for f in findings]
+
+
+def test_a_good_trajectory_raises_no_alarm():
+    assert lines(*moved()) == ([], [])
+
+
 def test_motion_too_fast_for_its_rate():
     spun = np.tile([0, 0, 2.0], (2000, 1))  # rad/s, at 20 Hz: 5.7° a sample
-    message, remedy = told(recording(100, 20.0, kind="trajectory", values=spun))["rate"]
-    assert message == "turns by 5.7° rms from sample to sample: coning makes its integral drift"
-    assert remedy == "record at 57 Hz or more, or move it more slowly"
-    assert told(recording(20, 100.0, kind="trajectory", values=spun)) == {}
-    assert "sampled at 10 Hz" in told(recording(100, 10.0, kind="positions"))["rate"][0]
+    run = recording(100, 20.0, kind="trajectory", values=spun)
+    said = (
+        [],
+        [
+            "a.csv: gyroscope: turns by 5.7° rms from sample to sample: coning makes its integral drift "
+            "— record at 57 Hz or more, or move it more slowly"
+        ],
+    )
+    assert lines(run) == said
+    assert lines(recording(20, 100.0, kind="trajectory", values=spun)) == ([], [])
+    absurd = np.array(spun)
+    absurd[500] = 1e25
+    assert lines(replace(run, values=absurd)) == said
+
+
+@pytest.mark.parametrize("size", [1.0, 0.3])
+def test_degrees_declared_as_radians(size):
+    """Told by their size where it is beyond all gyroscopes, else by the reference; the advice on the
+    rate, which would lead away from it, is left out."""
+    gyroscope, reference = moved(size=size)
+    wrong = replace(gyroscope, values=np.degrees(gyroscope.values))
+    (problem,), findings = lines(wrong, reference)
+    assert 'write unit = "deg/s"' in problem
+    assert findings == []
+
+
+@pytest.mark.parametrize(("size", "problems", "words"), [
+    (1.2, 1, "row 1 has the length 1.2, where a quaternion has 1"),
+    (0.0, 0, "only 0 of the reference's 2000 rows can be used. 2000 of the reference's 2000 rows (100 %) "
+             "hold no attitude: left out — Record a reference whose attitudes are stamped"),
+])  # fmt: skip
+def test_a_reference_that_is_none(size, problems, words):
+    gyroscope, reference = moved()
+    told = lines(gyroscope, replace(reference, values=size * reference.values))
+    assert [len(each) for each in told] == [problems, 1 - problems]
+    assert words in (told[0] or told[1])[0]
+
+
+def test_two_that_do_not_tell_of_the_same_motion():
+    problems, (finding,) = lines(moved()[0], moved(periods=(2.0, 6.1, 4.3))[1])
+    assert problems == []
+    assert "do not tell of the same motion" in finding
+
+
+def test_a_mirrored_axis_and_a_calibration_that_may_turn_it():
+    gyroscope, reference = moved()
+    mirrored = replace(gyroscope, values=gyroscope.values * [1, 1, -1])
+    (problem,), findings = lines(mirrored, reference)
+    assert "[[recording]] gyroscope: columns: a mirrored axis" in problem
+    assert findings == []
+    assert lines(mirrored, reference, calibrated=True) == ([], [])
+
+
+def test_the_reference_of_the_gyroscope_s_own_file_is_compared():
+    """And of several runs the longest, which stands first."""
+    gyroscope, reference = moved()
+    other = replace(reference, file="b.csv", values=reference.values[::-1])
+    assert lines(gyroscope, other, reference) == ([], [])
+    assert lines(gyroscope, other) != ([], [])
+    short = replace(gyroscope.between(0, 10), file="b.csv")
+    assert lines(gyroscope, short, reference, other) == ([], [])
+
+
+def test_long_trajectories_are_not_compared(monkeypatch):
+    gyroscope, reference = moved()
+    wrong = replace(reference, values=reference.values[::-1])
+    monkeypatch.setattr("sensorbook.recordings.advice.COMPARED", len(gyroscope) - 1)
+    assert lines(gyroscope, wrong) == ([], [])
+
+
+def test_what_is_not_known_is_not_compared():
+    gyroscope, reference = moved()
+    unknown = {"unit": "rad/s", "guessed": {"unit": "not known"}}
+    wrong = replace(gyroscope, values=gyroscope.values * 100, declaration=unknown)
+    assert lines(wrong, reference) == ([], [])
+
+
+TRAJECTORY = """
+[[recording]]
+sensor = "{}"
+kind = "trajectory"
+file = "t.csv"
+columns = {{ time = "t", {} }}
+{}
+"""
+
+
+@pytest.fixture
+def check_trajectory(tmp_path, capsys):
+    """Writes a motion with a force as a device, its rates `turn` times as large, and checks it."""
+
+    def check(*sensors, turn=1.0, gravity=9.8):
+        gyroscope, reference = moved(size=0.3)
+        force = Rotation.from_quat(reference.values).inv().apply([0, 0, -gravity])
+        table = [gyroscope.time, gyroscope.values * turn, force, reference.values]
+        header = "t,gx,gy,gz,ax,ay,az,qx,qy,qz,qw"
+        np.savetxt(
+            tmp_path / "t.csv", np.column_stack(table), delimiter=",", header=header, comments=""
+        )
+        parts = {
+            "gyroscope": ('x = "gx", y = "gy", z = "gz"', 'unit = "rad/s"'),
+            "accelerometer": ('x = "ax", y = "ay", z = "az"', 'unit = "m/s^2"'),
+            "reference": ('x = "qx", y = "qy", z = "qz", w = "qw"',
+                          'quaternion = "body_to_reference"'),
+        }  # fmt: skip
+        text = [TRAJECTORY.format(sensor, *parts[sensor]) for sensor in sensors]
+        (tmp_path / "device.toml").write_text('schema = 1\nid = "imu"\n' + "".join(text))
+        code = main(["check", str(tmp_path)])
+        said = capsys.readouterr()
+        return code, said.err.splitlines(), said.out.splitlines()[:-1]
+
+    return check
+
+
+def test_check_tells_of_a_trajectory(check_trajectory):
+    every = "gyroscope", "accelerometer", "reference"
+    assert check_trajectory(*every) == (0, [], [])
+    code, (problem,), _ = check_trajectory(*every, turn=180 / np.pi)
+    assert code == 1
+    assert problem.startswith("device.toml: [[recording]] gyroscope: unit: the rates are 57.")
+    code, problems, warnings = check_trajectory("accelerometer", "reference")
+    assert (code, problems) == (0, [])
+    assert warnings == [
+        "warning: device.toml: a trajectory needs a gyroscope of kind trajectory, and this one holds "
+        "accelerometer and reference alone — add the gyroscope's recording"
+    ]
+
+
+@pytest.mark.parametrize(("gravity", "told"), [(1.0, True), (98.0, True), (9.6, False)])
+def test_a_force_far_from_gravity_throughout(check_trajectory, gravity, told):
+    code, _, warnings = check_trajectory("gyroscope", "accelerometer", gravity=gravity)
+    assert code == 0
+    expected = (
+        f"warning: t.csv: accelerometer: reads {gravity:g} m/s^2 typically, but gravity is 9.8 m/s²: "
+        "check the unit 'm/s^2' and the scale"
+    )
+    assert warnings == ([expected] if told else [])
 
 
 def turned(directions, hard_iron=(2e-5, -1e-5, 3e-5), **more):

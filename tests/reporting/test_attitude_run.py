@@ -321,7 +321,15 @@ def test_only_what_the_device_feeds_is_told(executed, tmp_path):
     assert line in done.stdout.splitlines()
     assert executed.calls == []
     other = write_device(tmp_path / "o", "other", [("accelerometer", "trajectory")])
-    assert "No chapter reads these" in run([other], tmp_path).text("other", "index.html")
+    done = run([other], tmp_path)
+    lacking = (
+        "a trajectory needs a gyroscope of kind trajectory, and this one holds accelerometer alone"
+    )
+    assert f"other: warning: {lacking}" in done.stdout.splitlines()
+    assert done.code == 0
+    page = done.text("other", "index.html")
+    assert "No chapter reads these" in page
+    assert f"A{lacking[1:]}." in page
 
 
 def test_an_interrupt_of_others_keeps_it_from_starting(executed, tmp_path):

@@ -5,11 +5,14 @@ For `sensorbook check`: the chapters measure such things themselves and say what
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from sensorbook.errors import InputError, Problem, Refusal
+from sensorbook.recordings.clock import shuffled
+from sensorbook.recordings.corruption import implausible
 from sensorbook.recordings.motion import Blocks, of_field
 from sensorbook.recordings.recording import Finding, Recording
 from sensorbook.units import SENSOR_UNITS, field_unit
@@ -22,6 +25,7 @@ DRIFT = 1.0  # °C in a rest: at a usual 0.01 deg/s/°C more than a good MEMS' b
 SWEEP = 5.0  # °C: less does not determine a thermal model
 SWIFT = 1.0  # °C/min: the die lags the housing, and heating and cooling part
 MOST = 20_000  # readings of a rotation that are looked at
+COMPARED = 200_000  # readings of a trajectory, at most, that are compared with its reference
 MOVED = np.radians(1.0)  # rad/s, far beyond any bias that wanders at rest
 
 
@@ -42,9 +46,11 @@ def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding,
         recording.rate is None and recording.kind != "rotation"
     ):
         return ()
-    values = recording.values[np.isfinite(recording.values).all(axis=1)]
+    rows = np.isfinite(recording.values).all(axis=1)
+    rows[implausible(recording.values, recording.sensor)] = False  # told among the findings
+    values = recording.values[rows]
     guessed = recording.declaration.get("guessed", {})
-    if "not known" in guessed.values():
+    if "not known" in guessed.values() or shuffled(recording.time):
         return ()  # nothing is computed before that is mended
     if recording.kind == "static" and len(values) < FEWEST:
         say("short", f"holds {len(values)} samples, and its noise needs {FEWEST}",
@@ -69,17 +75,85 @@ def advise(recording: Recording, calibrates_temperature: bool) -> tuple[Finding,
             f"record positions at {SLOW_POSITIONS:g} Hz or more")  # fmt: skip
     elif recording.sensor == "accelerometer" and recording.kind in ("positions", "six_position"):
         _attitudes(recording, say)
-    elif recording.kind == "trajectory" and recording.sensor == "gyroscope":
-        turn = float(np.sqrt((values**2).sum(axis=1).mean())) / recording.rate
+    return tuple(found)
+
+
+def lacks_gyroscope(recorded: Iterable[tuple[str | None, str | None]]) -> str:
+    """Words for a trajectory that no gyroscope recorded; "" where one did, or where there is none.
+
+    Parameters
+    ----------
+    recorded : sensor and kind of each recording of a device
+    """
+    sensors = sorted({sensor for sensor, kind in recorded if sensor and kind == "trajectory"})
+    if not sensors or "gyroscope" in sensors:
+        return ""
+    *first, last = sensors
+    held = f"{', '.join(first)} and {last}" if first else last
+    return f"a trajectory needs a gyroscope of kind trajectory, and this one holds {held} alone"
+
+
+def of_trajectory(
+    recorded: Sequence[Recording], calibrated: bool
+) -> tuple[list[Problem], list[Finding]]:
+    """What the chapter on integrated attitude would reject, refuse or warn of, in its words.
+
+    Parameters
+    ----------
+    recorded : a device's readable recordings of kind trajectory, longest first
+    calibrated : True where the chapter takes out a calibration of the gyroscope's scale and axes,
+        so that readings as they are say nothing of them
+    """
+    # Only here: reading a recording does not need the attitude.
+    from sensorbook.attitude.agreement import agreement
+    from sensorbook.attitude.preparation import motion, on_stamps, readings, reference_track
+    from sensorbook.attitude.verdicts import judge
+
+    problems: list[Problem] = []
+    findings: list[Finding] = []
+
+    def attempt(recording: Recording, method: Callable, *arguments):
+        try:
+            return method(*arguments)
+        except InputError as error:
+            problems.extend(error.problems)
+        except Refusal as refusal:
+            reason = refusal.reason.removeprefix(f"{recording.file}: ").rstrip(".")
+            remedy = refusal.remedy.rstrip(".")
+            findings.append(Finding(recording.file, recording.sensor, "coverage", reason, remedy))
+        return None
+
+    sure = [r for r in recorded if "not known" not in r.declaration.get("guessed", {}).values()]
+    gyroscopes = [(r, attempt(r, readings, r)) for r in sure if r.sensor == "gyroscope"]
+    references = [(r, attempt(r, reference_track, r)) for r in sure if r.sensor == "reference"]
+    if gyroscopes and references and not calibrated:
+        gyroscope, read = gyroscopes[0]
+        same_file = [pair for pair in references if pair[0].file == gyroscope.file]
+        reference, track = (same_file or references)[0]
+
+        def compare() -> tuple[str, ...]:
+            at, quaternion = on_stamps(read, track, motion(read))
+            found = agreement(read.time, read.rate, at, quaternion, read.lost)
+            return judge(found, read.time, read.rate, at, quaternion, read.lost)
+
+        if read is not None and track is not None and len(read.time) <= COMPARED:
+            for note in attempt(reference, compare) or ():
+                findings.append(Finding(reference.file, "reference", "coverage", note.rstrip(".")))
+    for recording, read in gyroscopes if not problems else ():
+        turn = 0.0 if read is None else np.sqrt((read.rate**2).sum(axis=1).mean()) / recording.rate
         if turn > COARSE_TURN:
             needed = recording.rate * turn / COARSE_TURN
-            say(
-                "rate",
-                f"turns by {np.degrees(turn):.1f}° rms from sample to sample: coning makes its integral "
-                "drift",
-                f"record at {needed:.0f} Hz or more, or move it more slowly",
+            findings.append(
+                Finding(
+                    recording.file,
+                    "gyroscope",
+                    "rate",
+                    f"turns by {np.degrees(turn):.1f}° rms from sample to sample: coning makes its "
+                    "integral drift",
+                    f"record at {needed:.0f} Hz or more, or move it more slowly",
+                )
             )
-    return tuple(found)
+    return problems, findings
 
 
 Say = Callable[[str, str, str], None]
@@ -96,7 +170,6 @@ def _attitudes(recording: Recording, say: Callable[[str, str, str], None]) -> No
     from sensorbook.calibration.model import FREE
     from sensorbook.calibration.multi_position import require_coverage
     from sensorbook.earth import STANDARD_GRAVITY
-    from sensorbook.errors import InputError, Refusal
 
     try:
         if recording.kind == "positions":
@@ -193,7 +266,6 @@ def _sweep(recording: Recording, say: Say) -> None:
 
 def _directions(values: np.ndarray, say: Say) -> None:
     """Directions of the field that determine no calibration, or less than a full one."""
-    from sensorbook.errors import Refusal
     from sensorbook.magnetometer import calibrate
     from sensorbook.magnetometer.coverage import motion_in_words
     from sensorbook.magnetometer.fit import NAMES

@@ -12,7 +12,7 @@ import numpy as np
 import tomli
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.advice import advise, with_remedies
+from sensorbook.recordings.advice import advise, lacks_gyroscope, of_trajectory, with_remedies
 from sensorbook.recordings.assemble import read_recording
 from sensorbook.recordings.checks import as_date, file_name
 from sensorbook.recordings.companions import with_shared_shocks, with_temperature
@@ -171,9 +171,7 @@ class Device:
         Raises `InputError` with the problems of all of them when any is bad.
         """
         runs = self._in_order(sensor, kind)
-        return tuple(
-            sorted(runs, key=lambda r: (r.duration if r.rate else 0, len(r)), reverse=True)
-        )
+        return tuple(sorted(runs, key=_length, reverse=True))
 
     def _in_order(self, sensor: str, kind: str) -> list[Recording]:
         read = [self._get(d) for d in self.declared if (d.sensor, d.kind) == (sensor, kind)]
@@ -195,7 +193,20 @@ class Device:
         cameras = [r for r in read if isinstance(r, Images)]
         findings += [f for camera in cameras for f in camera.unusable()]
         findings += listed_twice(cameras) + shared_rows(cameras)
+        more = self._check_trajectory()
+        problems, findings = problems + more[0], findings + more[1]
         return list(dict.fromkeys(problems)), list(dict.fromkeys(findings))
+
+    def _check_trajectory(self) -> tuple[list[Problem], list[Finding]]:
+        """Problems and findings of the recordings of a trajectory beside one another."""
+        if lacking := lacks_gyroscope((d.sensor, d.kind) for d in self.declared):
+            return [], [Finding(FILE, "", "coverage", lacking, "add the gyroscope's recording")]
+        read = [self._get(d) for d in self.declared if d.kind == "trajectory"]
+        runs = [r for r in read if isinstance(r, Recording)]
+        if not runs:
+            return [], []
+        runs.sort(key=_length, reverse=True)
+        return of_trajectory(runs, "positions" in self.kinds("gyroscope"))
 
     def advice(self) -> list[Finding]:
         """What could be recorded better, of every recording that is readable."""
@@ -316,6 +327,11 @@ class Device:
                         "name the temperature's column, or add a recording of the temperature")
             )  # fmt: skip
         return recording
+
+
+def _length(recording: Recording) -> tuple[float, int]:
+    """Its duration in s, 0 where that is not known, and its number of samples."""
+    return (recording.duration if recording.rate else 0, len(recording))
 
 
 def _attempt(read, *arguments):

@@ -37,12 +37,17 @@ ALWAYS = ("random_walk", "noise_density", "bias_instability", "rate_random_walk"
 
 
 def device_page(
-    found: dict[str, Any], folder: Path, left_out: Sequence[str] = (), earlier: bool = False
+    found: dict[str, Any],
+    folder: Path,
+    left_out: Sequence[str] = (),
+    earlier: bool = False,
+    lacking: str = "",
 ) -> str:
     """The index of one device, from its results.json; `folder` holds its chapters' notebooks.
 
     `left_out` names the chapters that its recordings feed, where `--only` left all of them out.
     `earlier` is true where the results are of an earlier run, as the device cannot be read now.
+    `lacking` is what a recording lacks to feed a chapter.
     """
     judged = {check["sensor"] for check in found["checks"]}
     # What is judged comes first.
@@ -66,6 +71,7 @@ def device_page(
         found=found,
         banner=_banner(found) if found["chapters"] or found["checks"] else None,
         left_out=left_out,
+        lacking=lacking,
         earlier=earlier,
         doubtful=_doubtful(found.get("guesses", [])),
         chapters=[

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TextIO
 
+from sensorbook.recordings.advice import lacks_gyroscope
 from sensorbook.reporting import chapters, execute, group, index, results
 from sensorbook.reporting.gate import gate
 from sensorbook.reporting.junit import junit_xml
@@ -117,6 +118,8 @@ def _run(
         if nothing:
             listed = ", ".join(c.slug for c in fed)
             said.line(f"{device.id}: --only leaves nothing to do; its recordings feed {listed}")
+        if lacking := lacks_gyroscope(device.recorded):
+            said.line(f"{device.id}: warning: {lacking}")
         found.append(_finish(device, tree, said, [c.title for c in fed] if nothing else []))
         said.line(f"{out / device.id / 'index.html'}")
     tree.write(tree.root / "index.html", group.group_page(tree.root))
@@ -182,7 +185,12 @@ def _finish(device: Source, tree: Tree, said: Said, left_out: list[str]) -> dict
     tree.write(folder / "results.csv", results.csv_text(found))
     tree.write(
         folder / "index.html",
-        index.device_page(found, folder, [] if found["chapters"] else left_out),
+        index.device_page(
+            found,
+            folder,
+            [] if found["chapters"] else left_out,
+            lacking=lacks_gyroscope(device.recorded),
+        ),
     )
     return found
 
