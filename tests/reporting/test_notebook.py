@@ -13,7 +13,7 @@ import pytest
 from matplotlib import pyplot
 from throwaway import NASTY, write_device
 
-from sensorbook import InputError, notebook
+from sensorbook import InputError, Recording, notebook
 
 
 @pytest.fixture
@@ -168,3 +168,37 @@ def test_a_needed_record_may_be_missing_on_purpose_only(tmp_path):
 )
 def test_durations_are_in_the_unit_a_reader_would_choose(seconds, words):
     assert notebook.duration_words(seconds) == words
+
+
+@pytest.mark.parametrize(("value", "half", "text"), [
+    (-0.5873, 0.3142, "−0.59 ± 0.31"),
+    (-0.001, 0.02, "−0.001 ± 0.020"),
+    (-0.0001, 0.02, "0.000 ± 0.020"),  # no minus zero
+    (19.826, 0.2, "19.83 ± 0.20"),
+    (1234.5, 87.6, "1234 ± 88"),
+    (1.5, 0.0, "1.5"),
+    (-1.5, math.inf, "−1.5"),
+    (-1.5, math.nan, "−1.5"),
+])  # fmt: skip
+def test_a_number_with_the_half_of_its_interval(value, half, text):
+    assert notebook.signed(value, half) == text
+
+
+def test_a_recording_is_calibrated_by_the_first_record_that_can(shown, tmp_path):
+    matrix, bias = np.diag([1.01, 0.99, 1.0]), [0.1, -0.2, 0.3]
+    result = {
+        "method": "multi_position", "matrix": matrix.tolist(), "bias": bias, "g_sensitivity": None,
+        "std": {"matrix": np.zeros((3, 3)).tolist(), "bias": [0, 0, 0]}, "unit": "m/s^2",
+    }  # fmt: skip
+    refused, complete = tmp_path / "refused.json", tmp_path / "complete.json"
+    refused.write_text(json.dumps({"status": "refused", "reason": "too few", "results": {}}))
+    complete.write_text(json.dumps({"status": "complete", "results": {"calibration": result}}))
+    rng = np.random.default_rng(1)
+    true = rng.normal(size=(200, 3))
+    raw = Recording("accelerometer", "trajectory", "a.csv", np.arange(200) / 50, true @ matrix.T + bias,
+                    None, 50.0, "m/s^2")  # fmt: skip
+    found = notebook.calibrated(raw, "", str(refused), str(complete))
+    assert found.values == pytest.approx(true)
+    assert "is corrected with the calibration (multi position)" in shown[0][0]["text/plain"]
+    assert notebook.calibrated(raw, "", str(refused)) is raw
+    assert shown[-1][0]["text/plain"].startswith("No calibration of the accelerometer is at hand")
