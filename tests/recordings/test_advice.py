@@ -151,9 +151,9 @@ def moved(seconds=40.0, rate=50.0, size=1.0, periods=(7.0, 5.0, 3.0)):
     return replace(gyroscope, declaration={"unit": "rad/s"}), reference
 
 
-def lines(*recordings, calibrated=False):
+def lines(*recordings, calibrated=False, declared=("gyroscope", "camera")):
     """What is told of recordings of a trajectory: problems, and findings."""
-    problems, findings = of_trajectory(recordings, calibrated)
+    problems, findings = of_trajectory(recordings, set(declared), calibrated)
     return [str(p) for p in problems], [str(f) for f in findings]
 
 
@@ -233,6 +233,19 @@ def test_long_trajectories_are_not_compared(monkeypatch):
     assert lines(gyroscope, wrong) == ([], [])
 
 
+@pytest.mark.parametrize("beside", [(), ("accelerometer",), ("magnetometer",)])
+def test_a_gyroscope_that_nothing_checks(beside):
+    problems, (finding,) = lines(moved()[0], declared=("gyroscope", *beside))
+    assert problems == []
+    assert finding.startswith("a.csv: gyroscope: Nothing beside the gyroscope tells the attitude")
+    assert ("leaves a turn open" in finding) == bool(beside)
+
+
+@pytest.mark.parametrize("beside", [("accelerometer", "magnetometer"), ("reference",), ("camera",)])
+def test_one_that_something_checks_though_it_may_not_be_readable(beside):
+    assert lines(moved()[0], declared=("gyroscope", *beside)) == ([], [])
+
+
 def test_what_is_not_known_is_not_compared():
     gyroscope, reference = moved()
     unknown = {"unit": "rad/s", "guessed": {"unit": "not known"}}
@@ -293,7 +306,7 @@ def test_check_tells_of_a_trajectory(check_trajectory):
 
 @pytest.mark.parametrize(("gravity", "told"), [(1.0, True), (98.0, True), (9.6, False)])
 def test_a_force_far_from_gravity_throughout(check_trajectory, gravity, told):
-    code, _, warnings = check_trajectory("gyroscope", "accelerometer", gravity=gravity)
+    code, _, warnings = check_trajectory("gyroscope", "accelerometer", "reference", gravity=gravity)
     assert code == 0
     expected = (
         f"warning: t.csv: accelerometer: reads {gravity:g} m/s^2 typically, but gravity is 9.8 m/s²: "

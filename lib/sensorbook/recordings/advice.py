@@ -5,7 +5,7 @@ For `sensorbook check`: the chapters measure such things themselves and say what
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +26,7 @@ SWEEP = 5.0  # °C: less does not determine a thermal model
 SWIFT = 1.0  # °C/min: the die lags the housing, and heating and cooling part
 MOST = 20_000  # readings of a rotation that are looked at
 COMPARED = 200_000  # readings of a trajectory, at most, that are compared with its reference
+VECTORS = {"accelerometer", "magnetometer"}  # which tell an attitude together
 MOVED = np.radians(1.0)  # rad/s, far beyond any bias that wanders at rest
 
 
@@ -94,19 +95,21 @@ def lacks_gyroscope(recorded: Iterable[tuple[str | None, str | None]]) -> str:
 
 
 def of_trajectory(
-    recorded: Sequence[Recording], calibrated: bool
+    recorded: Sequence[Recording], declared: Set[str], calibrated: bool
 ) -> tuple[list[Problem], list[Finding]]:
     """What the chapter on integrated attitude would reject, refuse or warn of, in its words.
 
     Parameters
     ----------
     recorded : a device's readable recordings of kind trajectory, longest first
+    declared : sensors of all that are declared, readable or not, "camera" among them where there is one
     calibrated : True where the chapter takes out a calibration of the gyroscope's scale and axes,
         so that readings as they are say nothing of them
     """
     # Only here: reading a recording does not need the attitude.
     from sensorbook.attitude.agreement import agreement
     from sensorbook.attitude.preparation import motion, on_stamps, readings, reference_track
+    from sensorbook.attitude.sources import sources
     from sensorbook.attitude.verdicts import judge
 
     problems: list[Problem] = []
@@ -139,21 +142,27 @@ def of_trajectory(
         if read is not None and track is not None and len(read.time) <= COMPARED:
             for note in attempt(reference, compare) or ():
                 findings.append(Finding(reference.file, "reference", "coverage", note.rstrip(".")))
-    for recording, read in gyroscopes if not problems else ():
-        turn = 0.0 if read is None else np.sqrt((read.rate**2).sum(axis=1).mean()) / recording.rate
-        if turn > COARSE_TURN:
-            needed = recording.rate * turn / COARSE_TURN
-            findings.append(
-                Finding(
-                    recording.file,
-                    "gyroscope",
-                    "rate",
-                    f"turns by {np.degrees(turn):.1f}° rms from sample to sample: coning makes its "
-                    "integral drift",
-                    f"record at {needed:.0f} Hz or more, or move it more slowly",
-                )
-            )
+    alone = not declared & {"reference", "camera"} and not declared >= VECTORS
+    if alone and gyroscopes and gyroscopes[0][1] is not None:
+        attempt(gyroscopes[0][0], sources, gyroscopes[0][1], dict.fromkeys(declared & VECTORS))
+    if not problems:  # a wrong unit would ask for a rate that nothing needs
+        known = [(recording, read.rate) for recording, read in gyroscopes if read is not None]
+        findings += [found for each in known if (found := _coning(*each))]
     return problems, findings
+
+
+def _coning(recording: Recording, rate: np.ndarray) -> Finding | None:
+    turn = float(np.sqrt((rate**2).sum(axis=1).mean())) / recording.rate
+    if turn <= COARSE_TURN:
+        return None
+    needed = recording.rate * turn / COARSE_TURN
+    return Finding(
+        recording.file,
+        "gyroscope",
+        "rate",
+        f"turns by {np.degrees(turn):.1f}° rms from sample to sample: coning makes its integral drift",
+        f"record at {needed:.0f} Hz or more, or move it more slowly",
+    )
 
 
 Say = Callable[[str, str, str], None]

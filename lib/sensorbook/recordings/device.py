@@ -206,7 +206,8 @@ class Device:
         if not runs:
             return [], []
         runs.sort(key=_length, reverse=True)
-        return of_trajectory(runs, "positions" in self.kinds("gyroscope"))
+        declared = {d.sensor for d in self.declared if d.kind in ("trajectory", "images")}
+        return of_trajectory(runs, declared, "positions" in self.kinds("gyroscope"))
 
     def advice(self) -> list[Finding]:
         """What could be recorded better, of every recording that is readable."""
