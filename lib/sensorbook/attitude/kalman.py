@@ -13,12 +13,20 @@ Shuster 1982; Markley 2003). What is given out is in body axes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, sin, sqrt
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude.aiding import Attitudes, GyroscopeNoise, Motion, References
+from sensorbook.attitude.single import (
+    corrected,
+    difference,
+    exponential,
+    logarithm,
+    matrix_of_turn,
+    product,
+    turn_by,
+)
 
 LEAST = 1e-8  # rad, 0.002″: no reference is better, and rounding would make a better one's variances negative
 AGAIN = 3  # times that a stretch is gone through again where its errors were large
@@ -29,7 +37,7 @@ class _Pass:
     """A forward pass over n stamps from the first reference on; errors in reference axes.
 
     quaternion (n, 4), bias (n, 3) and covariance (n, 6, 6) are those after the update; `carried`
-    (n − 1, 3, 3) is S of each step, `step` and `update` (n, 6) what the references changed.
+    (n − 1, 3, 3) is S of each step, `update` (n, 6) what the references changed.
     """
 
     first: int
@@ -104,8 +112,8 @@ def _forward(
     def step(k: int, at: tuple, matrix: np.ndarray, bias: tuple, p: np.ndarray):
         """To stamp k: the attitude, its matrix, S and the covariance there."""
         (x, y, z), (a, b, c), h = increments[k - 1], bias, lengths[k - 1]
-        at = _turned(at, x - a * h, y - b * h, z - c * h)
-        after = _matrix(at)
+        at = turn_by(at, x - a * h, y - b * h, z - c * h)
+        after = matrix_of_turn(at)
         s = (matrix + after) * (h / 2)
         forward[:3, 3:] = -s
         p = forward @ p @ forward.T
@@ -134,16 +142,16 @@ def _forward(
         for _ in range(AGAIN):
             near = np.subtract(bias0, change[3:])
             mean = np.concatenate([np.zeros(3), near - bias0])
-            at, matrix, p = at0, _matrix(at0), p0
+            at, matrix, p = at0, matrix_of_turn(at0), p0
             for k in range(k0 + 1, last + 1):
                 at, matrix, s, p = step(k, at, matrix, near.tolist(), p)
                 mean[:3] -= s @ mean[3:]
-            change, after = met(p, _difference(at, measured[here]) - mean[:3], errors[here])
+            change, after = met(p, difference(at, measured[here]) - mean[:3], errors[here])
             left = change + mean
             change = np.concatenate([left[:3], bias0 - near + left[3:]])
             if left[:3] @ left[:3] < 2 * straight[here]:
                 break
-        return _corrected(at, *left[:3].tolist()), tuple((near - left[3:]).tolist()), after
+        return corrected(at, *left[:3].tolist()), tuple((near - left[3:]).tolist()), after
 
     straight = np.sqrt(np.trace(errors, axis1=1, axis2=2) / 3).tolist()
     sizes = np.linalg.eigvalsh(references.covariance)
@@ -152,7 +160,7 @@ def _forward(
     p = np.zeros((6, 6))
     p[:3, :3] = errors[0]
     p[3:, 3:] = np.diag(np.broadcast_to(noise.bias_std, 3).astype(float) ** 2)
-    matrix, start = _matrix(at), (0, at, bias, p)
+    matrix, start = matrix_of_turn(at), (0, at, bias, p)
     quaternions[0], biases[0], covariances[0] = at, bias, p
     for k in range(1, n):
         at, matrix, carried[k - 1], p = step(k, at, matrix, bias, p)
@@ -161,18 +169,18 @@ def _forward(
             if uneven[here] and np.trace(p[:3, :3]) < straight[here] ** 2 * 3:
                 # An axis that the reference hardly knows must not leak into those that it knows well.
                 errors[here] = matrix @ references.covariance[here] @ matrix.T
-            change, after = met(p, _difference(at, measured[here]), errors[here])
+            change, after = met(p, difference(at, measured[here]), errors[here])
             x, y, z, *turning = change.tolist()
             # Of second order in the correction: beyond what a reference errs by it would count.
             if x * x + y * y + z * z > 2 * straight[here] and any(turning):
                 before, known = at, bias
                 at, bias, p = again(k, here, start, change)
-                change = np.concatenate([_difference(before, at), np.subtract(known, bias)])
+                change = np.concatenate([difference(before, at), np.subtract(known, bias)])
             else:
-                at, p = _corrected(at, x, y, z), after
+                at, p = corrected(at, x, y, z), after
                 bias = tuple(b - c for b, c in zip(bias, turning, strict=True))
             updates[k] = change
-            matrix, start = _matrix(at), (k, at, bias, p)
+            matrix, start = matrix_of_turn(at), (k, at, bias, p)
         quaternions[k], biases[k], covariances[k] = at, bias, p
     return _Pass(first, quaternions, biases, covariances, carried, updates)
 
@@ -209,7 +217,7 @@ def _backward(found: _Pass, motion: Motion, noise: GyroscopeNoise) -> _Pass:
 
 def _joined(off: np.ndarray, update: np.ndarray) -> np.ndarray:
     """What is wrong with the prediction: first the update, then what is wrong after it."""
-    turned = _logarithm(*_product(_exponential(*update[:3]), _exponential(*off[:3])))
+    turned = logarithm(*product(exponential(*update[:3]), exponential(*off[:3])))
     return np.concatenate([turned, update[3:] + off[3:]])
 
 
@@ -237,56 +245,6 @@ def _given_out(count: int, found: _Pass) -> Attitudes:
     return Attitudes(quaternion, bias, covariance)
 
 
-# ---- single quaternions as tuples: a tenth of the time that arrays of four take ----
-
-
-def _turned(q: tuple, x: float, y: float, z: float) -> tuple:
-    """q turned by a small rotation vector in body axes, q exp(φ)."""
-    return _product(q, _exponential(x, y, z))
-
-
-def _corrected(q: tuple, x: float, y: float, z: float) -> tuple:
-    """exp(−ψ) q: an error ψ in reference axes taken out, and the length made 1."""
-    a, b, c, w = _product(_exponential(-x, -y, -z), q)
-    size = sqrt(a * a + b * b + c * c + w * w)
-    return a / size, b / size, c / size, w / size
-
-
-def _exponential(x: float, y: float, z: float) -> tuple:
-    size = sqrt(x * x + y * y + z * z)
-    if size < 1e-8:
-        return x / 2, y / 2, z / 2, 1.0
-    factor = sin(size / 2) / size
-    return x * factor, y * factor, z * factor, cos(size / 2)
-
-
-def _product(p: tuple, q: tuple) -> tuple:
-    """Hamilton's product, scalar last: as scipy's Rotation multiplies."""
-    a, b, c, d = p
-    x, y, z, w = q
-    return (
-        d * x + a * w + b * z - c * y,
-        d * y - a * z + b * w + c * x,
-        d * z + a * y - b * x + c * w,
-        d * w - a * x - b * y - c * z,
-    )
-
-
-def _difference(q: tuple, other: list) -> np.ndarray:
-    """(3,) rotation vector in reference axes that turns `other` into q."""
-    x, y, z, w = other
-    return np.array(_logarithm(*_product(q, (-x, -y, -z, w))))
-
-
-def _logarithm(x: float, y: float, z: float, w: float) -> tuple:
-    """The rotation vector of a quaternion, up to π long."""
-    if w < 0:
-        x, y, z, w = -x, -y, -z, -w
-    size = sqrt(x * x + y * y + z * z)
-    factor = 2.0 if size < 1e-9 else 2 * atan2(size, w) / size
-    return x * factor, y * factor, z * factor
-
-
 def _inverse_of_three(matrix: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric (3, 3) matrix, by its cofactors."""
     (a, b, c), (_, d, e), (_, _, f) = matrix.tolist()
@@ -294,15 +252,3 @@ def _inverse_of_three(matrix: np.ndarray) -> np.ndarray:
     u, v, w = a * f - c * c, b * c - a * e, a * d - b * b
     size = a * x + b * y + c * z
     return np.array([[x, y, z], [y, u, v], [z, v, w]]) / size
-
-
-def _matrix(q: tuple) -> np.ndarray:
-    """(3, 3), body → reference."""
-    x, y, z, w = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
