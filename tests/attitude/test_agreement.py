@@ -158,11 +158,10 @@ MORE_AXES = {
 SLANT = Rotation.from_rotvec([0.5, -0.3, 0.2])
 
 
-@pytest.mark.parametrize("tilted", [False, True])
 @pytest.mark.parametrize("noise", [1e-4, 2e-3])
 @pytest.mark.parametrize("case", ONE_AXIS)
-def test_a_turntable_tells_scale_and_axis_of_its_own_axis_alone(case, noise, tilted):
-    """`tilted`: the table's axis is none of the body's."""
+def test_a_turntable_tells_scale_and_axis_of_its_own_axis_alone(case, noise):
+    """With odd seeds the table's axis is none of the body's."""
     off = []
     for seed in range(6):
         time, rate, at, quaternion = turning_record(seed, ONE_AXIS[case], noise=noise)
@@ -170,7 +169,7 @@ def test_a_turntable_tells_scale_and_axis_of_its_own_axis_alone(case, noise, til
         if case == "tilted turntable":
             # Yaw about the vertical, seen in the body.
             axis = Rotation.from_euler("ZYX", [0, 0.3, 0.5]).inv().apply(axis)
-        if tilted:
+        if seed % 2:
             rate, axis = SLANT.inv().apply(rate), SLANT.inv().apply(axis)
             quaternion = (Rotation.from_quat(quaternion) * SLANT).as_quat()
         found = agreement(time, rate, at, quaternion)

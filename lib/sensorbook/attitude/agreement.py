@@ -92,6 +92,7 @@ def agreement(
     at: ArrayLike,
     quaternion: ArrayLike,
     lost: ArrayLike | None = None,
+    trial: bool = False,
 ) -> Agreement:
     """Delay, bias, scale and axes of a gyroscope against a reference, with standard errors.
 
@@ -108,6 +109,7 @@ def agreement(
     at : (M,) numbers of the stamps that have a reference, ascending
     quaternion : (M, 4), reference → body
     lost : (N − 1,) true for a step that no reading tells; no window reaches across it
+    trial : the attitudes are a guess, which is given up early where hardly any of it agrees
     """
     time, rate = np.asarray(time, dtype=float), np.asarray(rate, dtype=float)
     at, quaternion = np.asarray(at), np.asarray(quaternion, dtype=float)
@@ -118,10 +120,10 @@ def agreement(
     if windows.count < LEAST:
         nothing = Fit(*[np.nan] * 6, residual=np.nan, turn=np.nan, unit=1.0, weight=np.nan)
         return _untold(nothing, windows, interval, np.nan)
-    fit = fit_motion(time, rate, windows, Start(np.eye(3)))
+    fit = fit_motion(time, rate, windows, Start(np.eye(3)), trial)
     if fit.turn > 1e-9 and not fit.as_declared and fit.explained < 0.9:
         for start in _starts(time, rate, windows):
-            other = fit_motion(time, rate, windows, start)
+            other = fit_motion(time, rate, windows, start, trial=True)
             # Only where it explains much more: noise always prefers one of several.
             better = 1 - other.explained < 0.7 * (1 - fit.explained) or not fit.moved
             if other.explained > 0.5 and other.moved and better:

@@ -22,6 +22,7 @@ _STEPS = 10  # of Gauss and Newton, at most
 _KEPT = 0.95  # share of references that rms and share of motion are taken from
 _ABOVE = 3.0  # times what noise alone would turn, squared, from which on a direction may be told
 _WEAK = 0.01  # squared turn against the strongest direction's
+_HOPE = 0.3  # share of the motion that three steps must explain, for a trial to go on
 _SLOPES = (0.5, 2.0)  # of a weak direction's scale against the whole: else drift passes for motion
 
 
@@ -88,8 +89,11 @@ class Fit:
         return bool(self.moved and near and self.told[0] < _SURE and self.explained > 0.1)
 
 
-def fit_motion(time, rate, windows: Windows, start: Start) -> Fit:
-    """With as many directions as the readings turn about and the reference tells, three at most."""
+def fit_motion(time, rate, windows: Windows, start: Start, trial: bool = False) -> Fit:
+    """With as many directions as the readings turn about and the reference tells, three at most.
+
+    A `trial` is given up early where it leads nowhere.
+    """
     directions, squares = _directions(time, rate * start.unit, windows)
     one_axis = len(squares) == 1 or (len(squares) > 1 and squares[1] < _WEAK * squares[0])
     matrix = start.matrix
@@ -98,7 +102,10 @@ def fit_motion(time, rate, windows: Windows, start: Start) -> Fit:
             matrix = _similar(matrix, directions)
             if matrix is None:
                 break
-        fit = _iterate(time, rate, windows, Start(matrix, start.delay, start.unit), directions)
+        at = Start(matrix, start.delay, start.unit)
+        fit = _iterate(time, rate, windows, at, directions, trial)
+        if trial and fit.explained < _HOPE:
+            return fit
         last = len(directions) == 1
         if fit.told[-1] <= (_SEEN if last else _SURE) and (
             last
@@ -194,13 +201,13 @@ def _changed(matrix, directions, axes, change) -> np.ndarray:
     return _similar((1 + np.clip(change[0], -0.5, 1.0)) * turn.as_matrix() @ matrix, directions)
 
 
-def _iterate(time, rate, windows: Windows, start: Start, directions: np.ndarray) -> Fit:
+def _iterate(time, rate, windows: Windows, start: Start, directions, trial=False) -> Fit:
     """Gauss–Newton. Standard errors before any data are 1 for M, 1 rad/s and 1 s: they stand where
     the motion does not tell."""
     rate = rate * start.unit
     matrix, bias, delay = start.matrix, np.zeros(3), start.delay
     weight = np.ones(len(windows.at))
-    turned = windows.vectors(windows.rotation)
+    whole = np.linalg.norm(windows.off_mean(windows.vectors(windows.rotation)), axis=1)
     noise, walk = _white_noise(time, rate), windows.walk(time)
     mean_walk, size = walk.sum() / len(weight), windows.sums(weight)
     for step in range(_STEPS):
@@ -229,10 +236,9 @@ def _iterate(time, rate, windows: Windows, start: Start, directions: np.ndarray)
         usual = _scale(left)
         length = np.linalg.norm(left, axis=1)
         weight = np.minimum(1.0, np.maximum(_HUBER * usual, 1e-12) / np.maximum(length, 1e-12))
-        if matrix is None or (step > 1 and np.abs(change).max() < 1e-6):
+        nowhere = trial and step == 2 and _rms(length) ** 2 > (1 - _HOPE) * _rms(whole) ** 2
+        if nowhere or matrix is None or (step > 1 and np.abs(change).max() < 1e-6):
             break
-    kept = length <= np.quantile(length, _KEPT)
-    whole = windows.off_mean(turned)[kept]
     return Fit(
         np.zeros((3, 3)) if matrix is None else matrix,
         bias,
@@ -240,8 +246,8 @@ def _iterate(time, rate, windows: Windows, start: Start, directions: np.ndarray)
         _jackknife(normal, right, prior),
         directions,
         axes,
-        residual=float(np.sqrt(np.mean(length[kept] ** 2))),
-        turn=float(np.sqrt(np.mean((whole**2).sum(axis=1)))),
+        residual=_rms(length),
+        turn=float(np.sqrt(np.mean(whole[length <= np.quantile(length, _KEPT)] ** 2))),
         unit=start.unit,
         weight=weight,
     )
@@ -280,6 +286,11 @@ def _linearised(time, rate, windows: Windows, matrix, bias, delay):
 def _scale(left: np.ndarray) -> float:
     """Standard deviation an axis from the median length; 1.538 is the χ distribution's, of 3 axes."""
     return float(np.median(np.linalg.norm(left, axis=1))) / 1.538
+
+
+def _rms(length: np.ndarray) -> float:
+    """Without the longest twentieth, which outliers may be."""
+    return float(np.sqrt(np.mean(length[length <= np.quantile(length, _KEPT)] ** 2)))
 
 
 def _white_noise(time: np.ndarray, rate: np.ndarray) -> float:

@@ -147,14 +147,16 @@ def _check_quaternions(found: Agreement, time, rate, at, quaternion, lost, file:
     if _straight(found, _ALIKE) and (near or found.explained > 0.99):
         return
     quaternion = np.asarray(quaternion, dtype=float)
-    inverse = agreement(time, rate, at, quaternion * [-1, -1, -1, 1], lost)
+    inverse = agreement(time, rate, at, quaternion * [-1, -1, -1, 1], lost, trial=True)
     if not _rather(inverse, found, _ALIKE):
         return
     if not _straight(inverse, _ORDER):
         # Cyclic shifts of the four numbers are an inverse rotation between other axes.
         for order, columns in _ORDERS.items():
             for sign in ([1, 1, 1, 1], [-1, -1, -1, 1]):
-                shifted = agreement(time, rate, at, (quaternion * sign)[:, columns], lost)
+                shifted = agreement(
+                    time, rate, at, (quaternion * sign)[:, columns], lost, trial=True
+                )
                 if shifted.explained > 0.9 and _straight(shifted, _ORDER):
                     raise InputError(
                         Problem(
