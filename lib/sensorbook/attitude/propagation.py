@@ -67,7 +67,7 @@ def propagate(increments: ArrayLike, start: ArrayLike) -> np.ndarray:
         each = [tuple(np.asarray(start, dtype=float).tolist())]
         for x, y, z in increments.tolist():
             each.append(turn_by(each[-1], x, y, z))
-        return np.array(each)
+        return np.array(each) / np.linalg.norm(each, axis=1, keepdims=True)
     length = max(1, round(np.sqrt(count)))
     blocks = -(-count // length)
     padded = np.zeros((blocks * length, 3))
