@@ -280,7 +280,7 @@ def of_device(device: Device, bias_std: float = 0.05) -> tuple[Motion, Reference
     source = sources(read, beside_of(device, gyroscope), (), declination_at(device.site)[0])[0]
     at, quaternion = source.references.at, source.references.quaternion
     agreed = agreement(read.time, read.rate, at, quaternion, read.lost)
-    judge(agreed, read.time, read.rate, at, quaternion, read.lost)
+    judge(agreed, read.time, read.rate, at, quaternion, read.lost, name=source.name)
     moved = motion(read, 0.0 if source.lasting else agreed.delay_taken)
     found = tuning_of(moved, source, None, None, bias_std)
     references = found.source.references
