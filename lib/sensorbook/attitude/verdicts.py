@@ -83,8 +83,13 @@ def judge(
         _check_quaternions(found, time, rate, at, quaternion, lost, file)
     if not agrees(found):
         raise Refusal(
-            f"The gyroscope and {source.the} do not tell of the same motion: only "
-            f"{max(found.explained, 0.0):.0%} of how {source.the} {source.turn} follows from the rates.",
+            (
+                "Gravity and field do not tell of the same motion as the gyroscope: "
+                if source.vectors
+                else f"The gyroscope and {source.the} do not tell of the same motion: "
+            )
+            + f"only {max(found.explained, 0.0):.0%} of how {source.the} {source.turn} follows from "
+            "the rates.",
             source.remedy("Give recordings of one body with one clock (within 2 s)."),
         )
     _check_unit(found, file, source)
@@ -258,7 +263,9 @@ def _check_axes(found: Agreement, file: str, source: _Source) -> None:
     raise Refusal(
         f"The body axes of {source.the} are turned by {np.degrees(found.angle):.1f}° about "
         f"{_vector(axis)} against the gyroscope's.",
-        source.remedy(remedy),
+        (f"Their x, y, z are nearly the gyroscope's {named}. " if near else "") + _VECTORS
+        if source.vectors
+        else remedy,
     )
 
 
@@ -357,13 +364,14 @@ def _breaks(found, time, rate, at, quaternion, lost, source: _Source) -> tuple[s
     notes = []
     every = breaks(time, at, quaternion, turned, lost)
     for each in every[:_SHOWN]:
-        start, end = each.start - time[0], each.end - time[0]
+        start, end = (f"{at - time[0]:.1f} s" for at in (each.start, each.end))
+        when = start if start == end else f"{start} to {end}"
         notes.append(
             f"{source.The} {source.verb('jump')} by {np.degrees(each.angle):.1f}° against the "
-            f"gyroscope, {start:.1f} s to {end:.1f} s after the start."
+            f"gyroscope, {when} after the start."
             if each.angle
-            else f"{source.The} {'are' if source.vectors else 'is'} frozen from {start:.1f} s to "
-            f"{end:.1f} s after the start, while the gyroscope turns."
+            else f"{source.The} {'are' if source.vectors else 'is'} frozen from {start} to {end} "
+            "after the start, while the gyroscope turns."
         )
     if len(every) > _SHOWN:
         notes.append(f"So it is {len(every) - _SHOWN} times more.")
