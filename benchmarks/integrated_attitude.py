@@ -18,8 +18,10 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # before numpy
 
 import numpy as np
 from ahrs.filters import EKF
+from scipy.spatial.transform import Rotation
 
 import sensorbook
+from sensorbook.attitude.agreement import agreement
 from sensorbook.attitude.aiding import GyroscopeNoise, Motion, References, accuracy
 from sensorbook.attitude.correction import reset
 from sensorbook.attitude.experiment import (
@@ -35,6 +37,7 @@ from sensorbook.attitude.experiment import (
 )
 from sensorbook.attitude.kalman import mekf, smoother
 from sensorbook.attitude.preparation import motion, on_stamps, readings, reference_track
+from sensorbook.attitude.propagation import propagate
 from sensorbook.attitude.tuning import disagreement, tuned
 from sensorbook.simulate.trajectory import (
     C_BIAS,
@@ -62,6 +65,7 @@ def main() -> None:
     seeds = range(options.seed, options.seed + options.runs)
     work_c(seeds)
     consistent(seeds)
+    agreeing(seeds)
     real()
     speed(options.steps)
 
@@ -118,6 +122,38 @@ def consistent(seeds: range) -> None:
             f"  without references, bias {'known' if known else 'unknown'}: rms over predicted "
             f"{found.ratio(np.radians(30)):.2f} while below 30° (1 ± {1.96 * scatter:.2f})"
         )
+
+
+def agreeing(seeds: range) -> None:
+    print("gyroscope against reference: errors over standard errors, rms over runs (1 is right)")
+    for name, axes in (("work C's motion", [1, 1, 1]), ("its turn about z alone", [0, 0, 1])):
+        for every in (1, 28):
+            off = []
+            for seed in seeds:
+                truth = experiment(seed)
+                rng, step = np.random.default_rng([seed, 0xA]), np.diff(truth.time)[:, None]
+                rate = truth.true_rate * axes
+                track = propagate(rate[1:] * step, [0, 0, 0, 1])
+                noise = rng.normal(size=rate.shape) * C_RANDOM_WALK / np.sqrt(step.mean())
+                at = np.arange(0, len(rate), every)
+                error = Rotation.from_rotvec(rng.normal(size=(len(at), 3)) * REFERENCE_ERROR)
+                reference = (Rotation.from_quat(track[at]) * error).as_quat()
+                found = agreement(truth.time, rate + C_BIAS + noise, at, reference)
+                told = np.isfinite(found.misalignment_std)
+                off.append(
+                    [
+                        (found.delay - step.mean() / 2) / found.delay_std,
+                        *((found.bias - C_BIAS) / found.bias_std)[[2]],
+                        (found.scale - 1) / found.scale_std,
+                        rms((found.misalignment / found.misalignment_std)[told]),
+                    ]
+                )
+            values = dict(zip(("delay", "bias z", "scale", "axes"), rms(off), strict=True))
+            print(f"  {name}, every {every}:", *(f"{k} {v:.2f}" for k, v in values.items()))
+
+
+def rms(values) -> np.ndarray:
+    return np.sqrt(np.mean(np.square(values), axis=0))
 
 
 def real() -> None:

@@ -209,6 +209,7 @@ def _iterate(time, rate, windows: Windows, start: Start, directions, trial=False
     weight = np.ones(len(windows.at))
     whole = np.linalg.norm(windows.off_mean(windows.vectors(windows.rotation)), axis=1)
     noise, walk = _white_noise(time, rate), windows.walk(time)
+    smooth = max(0.0, 1 - 2 * _ahead(time) / windows.span) / (2 * _ahead(time))
     mean_walk, size = walk.sum() / len(weight), windows.sums(weight)
     for step in range(_STEPS):
         off, design = _linearised(time, rate, windows, matrix, bias, delay)
@@ -227,6 +228,18 @@ def _iterate(time, rate, windows: Windows, start: Start, directions, trial=False
         own = walk * windows.sums(weight) / size * min(noise, variance / mean_walk)
         right[:, :count] += np.multiply.outer(own, free.T @ matrix.ravel())
         normal[:, :count, :count] -= np.multiply.outer(own, free.T @ free)
+        # The change of the rate is noisy as well.
+        own = (
+            3
+            * np.cbrt(np.linalg.det(matrix)) ** 2
+            * min(noise, variance / mean_walk)
+            * smooth
+            * windows.sums(weight)
+        )
+        if normal[:, -1, -1].sum() > _ABOVE * own.sum():
+            normal[:, -1, -1] -= own
+        else:  # the delay stays where it was
+            normal[:, -1], normal[:, :, -1], right[:, -1] = 0.0, 0.0, 0.0
         prior = variance * np.eye(x.shape[2])
         change = np.linalg.solve(normal.sum(axis=0) + prior, right.sum(axis=0))
         left = y - x @ change
@@ -253,6 +266,11 @@ def _iterate(time, rate, windows: Windows, start: Start, directions, trial=False
     )
 
 
+def _ahead(time) -> float:
+    """s before and after, by which the rate's change is told: white noise is less of it than at once."""
+    return max(0.1, float(np.median(np.diff(time))) / 2)
+
+
 def _linearised(time, rate, windows: Windows, matrix, bias, delay):
     """What the integrated attitudes miss (M, 3), and its derivatives (M, 3, 13), in axes that do not
     turn with the body; both up to a constant a window."""
@@ -261,8 +279,7 @@ def _linearised(time, rate, windows: Windows, matrix, bias, delay):
     turn = Rotation.from_quat(attitude).as_matrix()
     middle = (turn[1:] + turn[:-1]) / 2
     plain = rotation_increments(time, rate - bias, delay, coning=False)
-    # Over 0.2 s, so that white noise of the readings does not pass for a change of the rate.
-    ahead = max(0.1, float(np.median(step)) / 2)
+    ahead = _ahead(time)
     late, early = (
         rotation_increments(time, rate, delay + s * ahead, coning=False) for s in (1, -1)
     )
