@@ -91,6 +91,11 @@ class Disagreement:
         return self.random_walk > 2 * self.std[1]
 
     @property
+    def motion_shown(self) -> bool:
+        """Whether what the motion adds shows, by two standard errors."""
+        return self.in_motion > 2 * self.std[2]
+
+    @property
     def noise_at_most(self) -> float:
         """rad/s/√Hz: what N may be at most: a third of what grows over the longest windows, which their
         own scatter hides."""
