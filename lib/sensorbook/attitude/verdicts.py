@@ -331,7 +331,10 @@ def _rough(value: float) -> str:
 def _notes(found: Agreement, source: _Source) -> tuple[str, ...]:
     notes = []
     if not np.isfinite(found.delay_std):
-        notes.append("The rates change too little to tell the readings' delay; it is taken as 0.")
+        notes.append(
+            f"The rates' change, against the noise of {source.the} and their own, is too little to tell "
+            "the readings' delay; it is taken as 0."
+        )
     elif abs(found.delay) > max(1.5 * found.interval, _SURE * found.delay_std):
         late = "later" if found.delay > 0 else "earlier"
         notes.append(
