@@ -256,7 +256,8 @@ def test_of_a_table():
     assert camera.distortion == (-0.1, 0.01)
     # Printed to four digits, and made a rotation.
     np.testing.assert_allclose(camera.to_body, EARTH_CAMERA, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(camera.to_body @ camera.to_body.T, np.eye(3), rtol=0, atol=1e-15)
+    # Rounding of three products, which differs from processor to processor.
+    np.testing.assert_allclose(camera.to_body @ camera.to_body.T, np.eye(3), rtol=0, atol=4e-15)
     assert "sees" in table  # left as it was
 
 

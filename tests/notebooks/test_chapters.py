@@ -46,7 +46,9 @@ def test_every_notebook_is_a_chapter_and_every_chapter_a_notebook():
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
-def test_runs_as_it_is_in_jupyter(path, demo_folder, moved_folder, turned_folder, orbiting_folder):
+def test_runs_as_it_is_in_jupyter(
+    path, demo_folder, moved_folder, turned_folder, orbiting_folder, flown_folder
+):
     """Defaults, teaching cells included, in a folder beside `data/`."""
     folder = demo_folder.parents[1] / "notebooks"
     folder.mkdir(exist_ok=True)

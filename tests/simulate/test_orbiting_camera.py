@@ -72,7 +72,8 @@ def test_recordings(recordings):
 
 def test_the_printed_mounting_is_made_orthonormal(recordings):
     turn = np.array(recordings["earth"].camera["to_body"])
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-15)
+    # Rounding of three products, which differs from processor to processor.
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), rtol=0, atol=4e-15)
     np.testing.assert_allclose(turn, EARTH_CAMERA, rtol=0, atol=1e-4)  # printed to four digits
 
 
