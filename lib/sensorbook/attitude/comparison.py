@@ -30,12 +30,10 @@ from sensorbook.attitude.measured import widen
 from sensorbook.attitude.propagation import propagate
 from sensorbook.attitude.rotations import euler_from_matrix, matrix_from_quaternion
 from sensorbook.attitude.sources import Source
+from sensorbook.simulate.trajectory import C_BIAS, C_OUTAGE, C_RANDOM_WALK, REFERENCE_ERROR
 
-# Work C, table 5.1. Its references are exact; here they are off by 0.05° about each axis.
-C_BIAS, C_RANDOM_WALK, C_REFERENCE_STD = (0.03, 0.04, -0.01), 0.001**0.5, np.radians(0.05)
 C_BIAS_STD = np.radians(1.7)  # rad/s, what a filter is told of the bias beforehand
 
-OUTAGE = (12.0, 20.0)  # s, work C's
 FEWEST = 3  # references that a rate must give
 
 
@@ -285,7 +283,7 @@ def own_experiment(
     turned = motion.increments[inside[:-1]] - bias * np.diff(time)[:, None]
     true = propagate(turned, found.quaternion[inside[0]])
     many = [
-        c_experiment(time - time[0], turned, true, seed, C_BIAS, C_RANDOM_WALK, C_REFERENCE_STD)
+        c_experiment(time - time[0], turned, true, seed, C_BIAS, C_RANDOM_WALK, REFERENCE_ERROR)
         for seed in range(runs)
     ]
     noise = GyroscopeNoise(C_RANDOM_WALK, 0.0, C_BIAS_STD)
@@ -293,7 +291,7 @@ def own_experiment(
     rates = tuple(r for r in RATES if r * step <= 1 and r * duration >= FEWEST)
     found = study(many, noise, rates, ("integration", "reset", "reset_and_rate", "mekf"))
     errors = {key: float(summary.euler.mean()) for key, summary in found.items()}
-    outage = OUTAGE if many[0].motion.time[-1] > OUTAGE[1] + 5 and 2.0 in rates else None
+    outage = C_OUTAGE if many[0].motion.time[-1] > C_OUTAGE[1] + 5 and 2.0 in rates else None
     shown = {
         "true": true,
         "alone": estimate(many[0], "integration", NEVER, noise).quaternion,

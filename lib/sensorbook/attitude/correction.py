@@ -31,7 +31,7 @@ def reset(motion: Motion, references: References) -> Attitudes:
     A_iᵀ A_a ≈ I + [Ω×] (5.3, corrected), and w_ε = Ω/Δt (5.4) is subtracted from the next reading
     alone: a reset, one step late. Ω is the whole rotation vector, which (5.3) gives for small differences.
     """
-    return _corrected(motion, references, lambda meeting: (_NOTHING, -meeting.off, _NOTHING), False)
+    return corrected(motion, references, lambda meeting: (NOTHING, -meeting.off, NOTHING), False)
 
 
 def reset_and_rate(motion: Motion, references: References) -> Attitudes:
@@ -42,11 +42,11 @@ def reset_and_rate(motion: Motion, references: References) -> Attitudes:
     step. What a gap makes of it is no bias.
     """
 
-    def kept(meeting: _Meeting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        grown = _NOTHING if meeting.broken else meeting.off / meeting.period
-        return _NOTHING, -meeting.off, grown
+    def kept(meeting: Meeting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        off = meeting.off
+        return NOTHING, -off, NOTHING if meeting.broken else off / meeting.period
 
-    return _corrected(motion, references, kept, True)
+    return corrected(motion, references, kept, True)
 
 
 def complementary(
@@ -71,18 +71,19 @@ def complementary(
     if not time_constant > 0:
         raise ValueError(f"time_constant is {time_constant}: give more than 0 s")
 
-    def blended(meeting: _Meeting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def blended(meeting: Meeting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        off = meeting.off
         if meeting.broken:
-            return -meeting.off, _NOTHING, _NOTHING
+            return -off, NOTHING, NOTHING
         k = meeting.number + 1
         gain = attitude_gain
         share = gain * -np.expm1(-meeting.period / time_constant)
         share = min(share, 2 - gain - 2 * np.sqrt(1 - gain))
         gain = max(gain, 2 * (2 * k - 1) / (k * (k + 1)))
         share = max(share, 6 / (k * (k + 1)))
-        return -gain * meeting.off, _NOTHING, share * meeting.off / meeting.period
+        return -gain * off, NOTHING, share * off / meeting.period
 
-    return _corrected(motion, references, blended, True)
+    return corrected(motion, references, blended, True)
 
 
 def steady_gain(random_walk: float, reference_std: float, period: float) -> float:
@@ -101,23 +102,31 @@ def steady_gain(random_walk: float, reference_std: float, period: float) -> floa
 
 
 @dataclass(frozen=True, eq=False)
-class _Meeting:
-    """A reference after the first: its number (from 1), the error vector (3,) against it in body axes, s
-    since the one before, and whether a step was lost since."""
+class Meeting:
+    """A reference after the first: its number (from 1), its attitude and the integrated one, (4,), s since
+    the one before, and whether a step was lost since."""
 
     number: int
-    off: np.ndarray
+    reference: np.ndarray
+    integrated: np.ndarray
     period: float
     broken: bool
 
+    @property
+    def off(self) -> np.ndarray:
+        """(3,) rad, the integrated attitude's error vector against the reference, in body axes."""
+        return (
+            Rotation.from_quat(self.reference).inv() * Rotation.from_quat(self.integrated)
+        ).as_rotvec()
 
-_NOTHING = np.zeros(3)
+
+NOTHING = np.zeros(3)
 
 
-def _corrected(
+def corrected(
     motion: Motion,
     references: References,
-    correct: Callable[[_Meeting], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    correct: Callable[[Meeting], tuple[np.ndarray, np.ndarray, np.ndarray]],
     with_bias: bool,
 ) -> Attitudes:
     """Integrated from the first reference, and corrected at each: `correct` gives the turn (3,) there, the
@@ -129,13 +138,12 @@ def _corrected(
     for k, (here, now, end) in enumerate(
         zip(references.at, references.quaternion, ends, strict=True)
     ):
-        later = _NOTHING
+        later = NOTHING
         if k:
             before = references.at[k - 1]
-            off = (Rotation.from_quat(now).inv() * Rotation.from_quat(at)).as_rotvec()
             period = motion.time[here] - motion.time[before]
             broken = bool(lost[here] > lost[before])
-            turn, later, change = correct(_Meeting(k, off, period, broken))
+            turn, later, change = correct(Meeting(k, now, at, period, broken))
             at = (Rotation.from_quat(at) * Rotation.from_rotvec(turn)).as_quat()
             bias = bias + change
         turned = motion.increments[here:end] - np.multiply.outer(steps[here:end], bias)

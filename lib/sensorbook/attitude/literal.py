@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude.aiding import Attitudes, References
+from sensorbook.attitude.correction import NOTHING, Meeting, corrected
 from sensorbook.attitude.experiment import Run
-from sensorbook.attitude.propagation import propagate
 
 
 def mixed_up(run: Run, references: References) -> Attitudes:
@@ -58,17 +58,9 @@ def _corrected(
     run: Run, references: References, difference: Callable[[Rotation, Rotation], np.ndarray]
 ) -> Attitudes:
     """The reset one step late, by Ω (3,) from the reference's rotation and the integrated one."""
-    first, last = int(references.at[0]), len(run.true) - 1
-    quaternion = np.full((last + 1, 4), np.nan)
-    at, ends, pending = references.quaternion[0], [*references.at[1:], last], np.zeros(3)
-    quaternion[first] = at
-    for k, (start, end) in enumerate(zip(references.at, ends, strict=True)):
-        if k:
-            pending = difference(
-                Rotation.from_quat(references.quaternion[k]), Rotation.from_quat(at)
-            )
-        turned = run.motion.increments[start:end].copy()
-        turned[:1] -= pending
-        quaternion[start : end + 1] = propagate(turned, at)
-        at = quaternion[end]
-    return Attitudes(quaternion)
+
+    def late(meeting: Meeting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rotations = map(Rotation.from_quat, (meeting.reference, meeting.integrated))
+        return NOTHING, -difference(*rotations), NOTHING
+
+    return corrected(run.motion, references, late, False)
