@@ -69,16 +69,25 @@ def test_an_unknown_format_is_a_usage_error_that_lists_them(capsys, tmp_path):
     assert cli.main(["export", str(tmp_path / "none.json"), "--format", "ros"]) == 2
     error = capsys.readouterr().err
     assert error == (
-        "sensorbook export: --format: no format 'ros'; choose from "
-        "kalibr, allan-csv, yaml, c-header, ardupilot, px4\n"
+        f"sensorbook export: --format: no format 'ros'; choose from {', '.join(FORMATS)}\n"
     )
 
 
 def test_the_help_of_export_names_every_format(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     assert cli.main(["export", "--help"]) == 0
-    shown = capsys.readouterr().out
-    assert all(f"{name}: " in shown for name in FORMATS)
+    shown = " ".join(capsys.readouterr().out.split())
+    assert all(f"{name}: {one.what} ({one.suffix})" in shown for name, one in FORMATS.items())
+
+
+def test_the_list_of_formats_needs_no_results(capsys):
+    assert cli.main(["export", "--list"]) == 0
+    head, *rows = capsys.readouterr().out.splitlines()
+    assert head.split()[:2] == ["format", "file"]
+    assert [row.split()[:2] for row in rows] == [[f.name, f.suffix] for f in FORMATS.values()]
+    for row, one in zip(rows, FORMATS.values(), strict=True):
+        assert one.what in row
+        assert row.endswith(one.needs)
 
 
 def test_the_help_of_simulate_tells_every_preset(capsys, monkeypatch):

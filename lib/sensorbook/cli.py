@@ -127,20 +127,27 @@ def _simulate(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from sensorbook.export import FORMATS, export, write
+    from sensorbook.export import FORMATS, export, listed, write
 
-    if arguments.format not in FORMATS:
-        print(
-            f"sensorbook export: --format: no format {arguments.format!r};"
-            f" choose from {', '.join(FORMATS)}",
-            file=sys.stderr,
-        )
+    def usage(message: str) -> int:
+        print(f"sensorbook export: {message}", file=sys.stderr)
         return 2
-    text = export(arguments.results, arguments.format)
+
+    if arguments.list:
+        for line in listed(arguments.results):
+            print(line)
+        return 0
+    if arguments.results is None or arguments.format is None:
+        return usage("name a RESULTS.json and a --format; --list shows the formats")
+    if arguments.format not in FORMATS:
+        return usage(f"--format: no format {arguments.format!r}; choose from {', '.join(FORMATS)}")
+    if FORMATS[arguments.format].binary and arguments.output is None:
+        return usage(f"--format {arguments.format} is binary: name the file to write with -o FILE")
+    content = export(arguments.results, arguments.format)
     if arguments.output is None:
-        print(text, end="", flush=True)
+        print(content, end="", flush=True)
     else:
-        write(arguments.output, text, arguments.results)
+        write(arguments.output, content, arguments.results)
         print(f"{arguments.output}: written")
     return 0
 
@@ -296,25 +303,29 @@ def _parser() -> argparse.ArgumentParser:
         "--preset", default="ahrs", metavar="NAME", help=f"{listed}; default: ahrs"
     )
 
+    from sensorbook.export import FORMATS
+
+    listed = "; ".join(f"{one.name}: {one.what} ({one.suffix})" for one in FORMATS.values())
     export = command(
         "export",
         _export,
         "write a device's results for another system",
-        "sensorbook export reports/imu-7/results.json --format kalibr -o imu.yaml",
+        "sensorbook export reports/imu-7/results.json --format kalibr -o imu.yaml\n"
+        "  sensorbook export --list",
     )
-    export.add_argument("results", metavar="RESULTS.json", help="results.json of a report")
     export.add_argument(
-        "--format",
-        required=True,
-        metavar="NAME",
-        help="yaml: calibrations and thermal models; c-header: the same for C and C++; "
-        "kalibr: imu.yaml of both inertial sensors; allan-csv: the Allan curves as a table; "
-        "ardupilot: the magnetometer's calibration as parameters (.param); "
-        "px4: the same for QGroundControl (.params)",
+        "results", nargs="?", metavar="RESULTS.json", help="results.json of a report"
+    )
+    export.add_argument("--format", metavar="NAME", help=listed)
+    export.add_argument(
+        "--list",
+        action="store_true",
+        help="a table of the formats; with RESULTS.json, whether it suffices for each",
     )
     export.add_argument(
         "-o", "--output", metavar="FILE", help="file to write; default: standard output"
     )
+
     apply = command(
         "apply",
         _apply,

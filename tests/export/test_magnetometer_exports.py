@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 import subprocess
 
@@ -332,7 +333,9 @@ def test_the_turn_between_the_triads(exported):
 @pytest.mark.parametrize("alignment", [None, {"matrix": None, "turn_deg": None}])
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_turn_that_is_not_known(name, alignment, exported):
-    assert exported(name, calibrated(alignment=alignment)) == exported(name)
+    texts = exported(name, calibrated(alignment=alignment)), exported(name)
+    one, other = (re.sub(r"sha256\W+\w+", "", text) for text in texts)  # of two results.json
+    assert one == other
 
 
 @pytest.mark.parametrize("name", ["yaml", "c-header"])

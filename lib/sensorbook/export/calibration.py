@@ -76,6 +76,27 @@ def inert(text: str) -> str:
     return _MEANS_MORE.sub(" ", line)
 
 
+class Absent(InputError):
+    """A part that the results do not have, or that was refused: others may serve without it."""
+
+
+def calibration_of(results: Entry, sensor: str) -> Entry:
+    """The calibration of a sensor; raises `Absent` where there is none."""
+    path, mend = ("sensors", sensor, "calibration"), MENDS[sensor]
+    entry = results
+    for name in path:
+        entry = entry.get(name)
+    if entry.value is None:
+        try:
+            results.at(*path, mend=mend)
+        except InputError as error:  # it names the first that is missing
+            raise Absent(*error.problems) from None
+        raise Absent(*entry.wrong("is missing", mend).problems)
+    if (reason := entry.get("reason")).value is not None:
+        raise Absent(*entry.wrong(f"was refused: {reason.text()}", mend).problems)
+    return entry
+
+
 def read_calibration(results: Entry) -> DeviceCalibration:
     """Every sensor's calibration and thermal model.
 
@@ -118,14 +139,26 @@ def read_calibration(results: Entry) -> DeviceCalibration:
     return DeviceCalibration(inert(results.at("device", "id").text()), head, tuple(found))
 
 
-def origin(results: Entry) -> tuple[str, ...]:
-    """Lines of comment: the device, the date of its results and the software they are of."""
+def origin(results: Entry, what: str = "Calibration") -> tuple[str, ...]:
+    """Lines of comment: the device, the date of its results, the software and the files they are of."""
     device, software = results.at("device"), results.at("software")
     names = ("sensorbook", "python", "numpy", "scipy")
     versions = ", ".join(f"{name} {software.at(name).text()}" for name in names)
+    unit = [
+        f"{name} {about.text()}"
+        for name in ("model", "serial")
+        if (about := device.get(name)).value is not None
+    ]
+    files = results.get("inputs").items() if results.get("inputs").value is not None else []
+    made_of = dict.fromkeys(
+        f"Made of {file.at('file').text()}, sha256 {file.at('sha256').text()}." for file in files
+    )
     return (
-        f"Calibration of the device {device.at('id').text()} ({device.at('name').text()}).",
+        f"{what} of the device {device.at('id').text()} ({device.at('name').text()}).",
+        *([f"Device: {', '.join(unit)}."] if unit else []),
         f"Results of {results.at('created').text()}; {versions}.",
+        *made_of,
+        f"results.json: sha256 {results.sha256}.",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +23,13 @@ class Entry:
     file : the file, as the user named it
     key : path to the value, such as "sensors.gyroscope.noise"; empty for the whole
     value : as JSON gives it; None where a result says null
+    sha256 : of the file; of the whole alone
     """
 
     file: str
     key: str
     value: Any
+    sha256: str = ""
 
     def at(self, *names: str, mend: str = AGAIN) -> Entry:
         """The entry below; raises `InputError` where one of the names is missing, with `mend`."""
@@ -91,7 +94,8 @@ def read_results(path: str | Path) -> Entry:
     whole = Entry(str(path), "", None)
     named = "name the results.json of a device's report"
     try:
-        value = json.loads(Path(path).read_bytes())
+        content = Path(path).read_bytes()
+        value = json.loads(content)
     except OSError as error:
         raise whole.wrong(f"cannot be read: {error.strerror}", named) from None
     except (ValueError, RecursionError) as error:  # JSONDecodeError and UnicodeDecodeError, too
@@ -99,7 +103,7 @@ def read_results(path: str | Path) -> Entry:
         raise whole.wrong(f"is not valid JSON: {reason}", named) from None
     if not isinstance(value, dict):
         raise whole.wrong("holds no object", named)
-    results = Entry(str(path), "", value)
+    results = Entry(str(path), "", value, hashlib.sha256(content).hexdigest())
     schema = results.at("schema", mend=named)
     if type(schema.value) is not int or schema.value != 1:
         raise schema.wrong(f"{shown(schema.value)} is not a version this sensorbook reads")
