@@ -100,7 +100,8 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
         segments=segments,
     )
     findings = examine(recording, raw, [columns[axis] for axis in named])
-    findings = (*_guesses(recording), *findings)
+    lost = [Finding(table.file, sensor, "gap", text) for text in table.losses]
+    findings = (*_guesses(recording), *lost, *findings)
     if temperature is not None and declared.kind != "thermal" and np.isnan(temperature).all():
         temperature = None  # said among the findings; a thermal recording is refused for it
     return replace(recording, findings=findings, temperature=temperature)

@@ -42,11 +42,11 @@ READERS = {
     b"CDF\x02": "netcdf",
     b"CDF\x05": "netcdf",
     b"SQLite format 3\0": "sqlite",
+    b"ULog\x01\x12\x35": "ulog",
     b"": "text",
 }
 NOT_YET = {
     b"FEA1": "Feather v1",
-    b"ULog\x01\x12\x35": "PX4 ULog",
     b"#ROSBAG": "ROS bag",
     b"\x89MCAP": "MCAP",
     b"\xd0\xcf\x11\xe0": "Excel",
@@ -115,6 +115,7 @@ class Table:
     sha256 : of the file's bytes
     units : units that the file itself declares, one a column, "" where it does not; () for none
     notes : lines before a text file's table
+    losses : what the file itself says was lost while it was recorded, in words
     """
 
     file: str
@@ -123,6 +124,7 @@ class Table:
     sha256: str = ""
     units: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
     _parsed: dict[int, np.ndarray] = field(default_factory=dict)
 
     def index(self, reference: str | int) -> int:

@@ -1,0 +1,300 @@
+"""PX4's logs (ULog): a table a topic and instance, such as `sensor_accel` and `sensor_accel:1`.
+
+The values come from pyulog (`pip install sensorbook[ulog]`). It passes over damage without a word and
+takes what a log declares on trust; so the messages are walked through here first, by the PX4 Guide's
+"ULog File Format", and what pyulog gives must be as many rows as were counted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import itertools
+import mmap
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from sensorbook.errors import InputError
+from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, too_large
+
+_SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+_SIZES = {"int8_t": 1, "uint8_t": 1, "bool": 1, "char": 1, "int16_t": 2, "uint16_t": 2,
+          "int32_t": 4, "uint32_t": 4, "float": 4, "int64_t": 8, "uint64_t": 8, "double": 8}  # fmt: skip
+_FORMAT = re.compile(r"([\w/]+):([^:]*)", re.A)
+_FIELD = re.compile(r"(\w+)(?:\[([1-9]\d{0,4})\])? (\w+)", re.A)
+_LONGEST = 0xFFFF  # bytes of a message
+_DEEPEST = 16  # formats within formats
+_MOST_FIELDS = 300_000  # of all topics; PX4 logs a few thousand
+
+# Units as PX4's message definitions give them (msg/*.msg). delta_angle and delta_velocity are
+# increments over delta_…_dt, no rates.
+_UNITS = {
+    "sensor_accel": {"x": "m/s^2", "y": "m/s^2", "z": "m/s^2"},
+    "sensor_gyro": {"x": "rad/s", "y": "rad/s", "z": "rad/s"},
+    "sensor_mag": {"x": "gauss", "y": "gauss", "z": "gauss"},
+    "sensor_combined": {"gyro_rad": "rad/s", "accelerometer_m_s2": "m/s^2",
+                        "magnetometer_ga": "gauss"},
+    "vehicle_imu": {"delta_angle": "rad", "delta_velocity": "m/s", "delta_angle_dt": "us",
+                    "delta_velocity_dt": "us"},
+    "vehicle_angular_velocity": {"xyz": "rad/s"},
+    "vehicle_acceleration": {"xyz": "m/s^2"},
+    "vehicle_magnetometer": {"magnetometer_ga": "gauss"},
+}  # fmt: skip
+_UNITS_OF_ALL = {"timestamp": "us", "timestamp_sample": "us", "temperature": "degC"}
+
+
+@dataclass(frozen=True)
+class _Topic:
+    """A topic's instance: `fields` are pairs of type and name, arrays spread out as "q[0]"."""
+
+    name: str
+    instance: int
+    fields: tuple[tuple[str, str], ...]
+    rows: int
+
+    @property
+    def shown(self) -> str:
+        return f"{self.name}:{self.instance}" if self.instance else self.name
+
+    @property
+    def has_axes(self) -> bool:
+        """True where x, y and z, or an array of three, are numbers with fractions or counts."""
+        names = {name for kind, name in self.fields if kind not in ("char", "bool")}
+        arrays = {name[:-3] for name in names if name.endswith("[2]")}
+        return {"x", "y", "z"} <= names or any(f"{a}[3]" not in names for a in arrays)
+
+    def unit(self, field: str) -> str:
+        stem = field.partition("[")[0]
+        return _UNITS.get(self.name, {}).get(stem, _UNITS_OF_ALL.get(stem, ""))
+
+
+@dataclass(frozen=True)
+class _Log:
+    """What the walk through a log found: topics by name, and how long each dropout was (ms)."""
+
+    topics: dict[str, _Topic]
+    dropouts: tuple[int, ...]
+
+
+def table_names(source: Source) -> tuple[str, ...]:
+    """The topics of sensors, those with most samples first; without any, what has three axes."""
+    return tuple(_sensors(_survey(source)))
+
+
+def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
+    """Opens one topic's instance, such as "sensor_gyro" or "sensor_gyro:1"."""
+    log = _survey(source)
+    _library(source)
+    sensors = _sensors(log)
+    there = sensors if table is None else [*sensors, *sorted(log.topics.keys() - set(sensors))]
+    topic = log.topics[choose(source, table, there, "topic")]
+    fields = [name for kind, name in topic.fields if kind != "char"]
+
+    def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
+        data = _values(source, topic)
+        return {index: data[fields[index]] for index in indices}
+
+    units = tuple(topic.unit(name) for name in fields)
+    return Table(source.file, tuple(fields), read, units=units, losses=_losses(log))
+
+
+def _sensors(log: _Log) -> list[str]:
+    """Topics of sensors as read; where there are none, all that have three axes."""
+    three = [topic for topic in log.topics.values() if topic.has_axes]
+    raw = [t for t in three if t.name.startswith("sensor_") or t.name == "vehicle_imu"]
+    # Some are logged once a second beside one that is logged in full.
+    order = sorted(
+        raw or three,
+        key=lambda t: (-t.rows.bit_length(), t.name == "sensor_combined", t.name, t.instance),
+    )
+    return [topic.shown for topic in order]
+
+
+def _losses(log: _Log) -> tuple[str, ...]:
+    if not log.dropouts:
+        return ()
+    count = len(log.dropouts)
+    times = "once" if count == 1 else f"{count} times"
+    return (f"its logger dropped messages {times}, for {sum(log.dropouts) / 1000:.3g} s in all",)
+
+
+def _library(source: Source):
+    try:
+        from pyulog import ULog
+    except ImportError:
+        raise source.wrong("is a PX4 ULog file, and pyulog, which reads it, is not installed",
+                           "pip install sensorbook[ulog]") from None  # fmt: skip
+    return ULog
+
+
+def _values(source: Source, topic: _Topic) -> dict[str, np.ndarray]:
+    """(N,) values of each field, by its name."""
+    library = _library(source)
+    try:
+        # It says on the standard output what it thinks of the file.
+        with source.path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
+            sets = library(stream, [topic.name]).data_list
+        (found,) = (s.data for s in sets if (s.name, s.multi_id) == (topic.name, topic.instance))
+        columns = {
+            name: np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+            for name, values in found.items()
+        }
+    except Exception:  # whatever it raises, the file is what it stumbled over
+        raise _damaged(source.wrong) from None
+    if {len(values) for values in columns.values()} != {topic.rows}:
+        raise _damaged(source.wrong)
+    return columns
+
+
+# ---- the walk through a log ----
+
+
+def _survey(source: Source) -> _Log:
+    status = source.path.stat()
+    if status.st_size > MAX_BYTES:
+        raise too_large(source.file)
+    return _surveyed(source.path, source.file, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _surveyed(path: Path, file: str, size: int, changed: int) -> _Log:
+    """Walks through all messages; a log that was not changed is not walked through again."""
+    wrong = Source(path, file, b"", False).wrong
+    if size < 16:
+        raise _cut_off(wrong, 0)
+    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as view:
+        log = _walk(view, min(size, len(view)), wrong)
+    if not log.topics:
+        raise wrong(
+            "is a log without samples", "log the topics of its sensors, such as sensor_accel"
+        )
+    return log
+
+
+def _walk(view: mmap.mmap, size: int, wrong) -> _Log:
+    if view[7] > 1:
+        raise wrong(f"is a ULog file of version {view[7]}, which is not known", "copy it again, or "
+                    "save its topics as .csv with ulog2csv")  # fmt: skip
+    begin, ends = _sections(view, size, wrong)
+    formats: dict[str, list] = {}
+    topics: dict[tuple[str, int], list] = {}  # name and instance: fields, and its id's counter
+    ids: dict[int, list[int]] = {}  # least and greatest size of a message, rows
+    dropouts, spread = [], 0
+    head, word = struct.Struct("<HB").unpack_from, struct.Struct("<H").unpack_from
+    in_data = False
+    at = begin
+    for end in ends:
+        while at < end:
+            if at + 3 > end or (stop := at + 3 + head(view, at)[0]) > end:
+                if end == size:
+                    raise _cut_off(wrong, at)
+                break  # where power was lost; what was appended later follows
+            length, kind = head(view, at)
+            if kind == 68:  # D, data
+                counter = ids.get(word(view, at + 3)[0]) if length > 2 else None
+                if counter is None or not counter[0] <= length <= counter[1]:
+                    raise _damaged(wrong, at)
+                counter[2] += 1
+            elif kind == 70 and not in_data:  # F, format
+                name, fields = _format(view[at + 3 : stop], wrong, at)
+                formats[name] = fields
+            elif kind == 65:  # A, a topic is logged from here on
+                in_data = True
+                key, fields, counter = _subscribed(view[at + 3 : stop], formats, wrong, at)
+                spread += len(fields)
+                if key[:2] in topics or key[2] in ids or spread > _MOST_FIELDS:
+                    raise _damaged(wrong, at)
+                topics[key[:2]] = [fields, counter]
+                ids[key[2]] = counter
+            elif kind == 79 and length == 2:  # O, a dropout
+                dropouts.append(word(view, at + 3)[0])
+            elif kind in b"LC":  # text
+                in_data = True
+            elif not (kind in b"IMPQR" and length) and not (
+                kind == 83 and view[at + 3 : stop] == _SYNC
+            ):
+                raise _damaged(wrong, at)
+            at = stop
+        at = end
+        ids = {}  # pyulog forgets them, too
+    filled = [
+        _Topic(*key, fields, counter[2]) for key, (fields, counter) in topics.items() if counter[2]
+    ]
+    return _Log({topic.shown: topic for topic in filled}, tuple(dropouts))
+
+
+def _sections(view: mmap.mmap, size: int, wrong) -> tuple[int, list[int]]:
+    """First byte after the header and its flags, and where each section ends: one may be appended."""
+    if size < 19 or view[18] != 66:  # B, flags
+        return 16, [size]
+    length = int.from_bytes(view[16:18], "little")
+    if length < 40 or 19 + length > size:
+        raise _damaged(wrong, 16)
+    flags = view[27:35]
+    if flags[0] & ~1 or any(flags[1:]):
+        raise wrong("is a ULog file with extensions that are not known", "copy it again, or save its "
+                    "topics as .csv with ulog2csv")  # fmt: skip
+    offsets = [o for o in struct.unpack_from("<3Q", view, 35) if o] if flags[0] else []
+    edges = [19 + length, *offsets, size]
+    if any(a > b for a, b in itertools.pairwise(edges)):
+        raise _damaged(wrong, 16)
+    return 19 + length, edges[1:]
+
+
+def _format(content: bytes, wrong, at: int) -> tuple[str, list]:
+    """Name of a format, and its fields: type, length of the array or 0, name."""
+    match = _FORMAT.fullmatch(content.decode("ascii", "replace"))
+    fields = [_FIELD.fullmatch(f) for f in match[2].rstrip(";").split(";")] if match else [None]
+    if not all(fields):
+        raise _damaged(wrong, at)
+    return match[1], [(f[1], int(f[2] or 0), f[3]) for f in fields]
+
+
+def _subscribed(content: bytes, formats: dict, wrong, at: int):
+    """Name, instance and id of a topic; its fields; least and greatest size of its messages, 0 rows."""
+    name = content[3:].decode("ascii", "replace")
+    if len(content) < 4 or name not in formats:
+        raise _damaged(wrong, at)
+    fields = _flat(name, formats, wrong, at)
+    full = sum(_SIZES[kind] for kind, _ in fields) + 2
+    while fields and fields[-1][1].startswith("_padding"):  # need not be written
+        fields = fields[:-1]
+    least = sum(_SIZES[kind] for kind, _ in fields) + 2
+    names = [field for _, field in fields]
+    if full > _LONGEST or len(set(names)) < len(names) or ("uint64_t", "timestamp") not in fields:
+        raise _damaged(wrong, at)
+    key = (name, content[0], int.from_bytes(content[1:3], "little"))
+    return key, tuple(fields), [least, full, 0]
+
+
+def _flat(name: str, formats: dict, wrong, at: int, depth: int = 0) -> list[tuple[str, str]]:
+    """Pairs of type and name of a format's fields, arrays and formats within it spread out."""
+    if name not in formats or depth > _DEEPEST:
+        raise _damaged(wrong, at)
+    flat: list[tuple[str, str]] = []
+    for kind, count, field in formats[name]:
+        inner = [(kind, "")] if kind in _SIZES else _flat(kind, formats, wrong, at, depth + 1)
+        # Declared lengths are not trusted: no message holds more.
+        if len(flat) + max(count, 1) * len(inner) > _LONGEST:
+            raise _damaged(wrong, at)
+        for place in [f"{field}[{k}]" for k in range(count)] if count else [field]:
+            flat += [(t, f"{place}.{n}" if n else place) for t, n in inner]
+    return flat
+
+
+def _cut_off(wrong, at: int) -> InputError:
+    return wrong("is cut off: its last message breaks off",
+                 f"copy it again, or keep its first {at} bytes, which are whole", f"byte {at}")  # fmt: skip
+
+
+def _damaged(wrong, at: int = 0) -> InputError:
+    if not at:
+        return wrong("is a damaged ULog file", "copy it again")
+    return wrong("is a damaged ULog file", f"copy it again, or keep its first {at} bytes, before the "
+                 "damage", f"byte {at}")  # fmt: skip
