@@ -1,10 +1,10 @@
-"""SQLite, as phone recorders write it: each sensor its own table and rate."""
+"""SQLite, as phone recorders write it: each sensor its own table and rate; and ROS 2's bags in it."""
 
 from __future__ import annotations
 
 import sqlite3
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from urllib.parse import quote
 
@@ -15,25 +15,35 @@ from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, exten
 
 _LONGEST = 120.0  # s that one query may take
 _ROWS = 1 << 13  # fetched at one go
+_BAG = {
+    "topics": {"id", "name", "type", "serialization_format"},
+    "messages": {"topic_id", "timestamp", "data"},
+}
 
 
 def table_names(source: Source) -> tuple[str, ...]:
     """The tables; views and virtual tables are not read, since they can compute anything."""
     with closing(_connected(source)) as database:
-        return _tables(source, database)
+        if not _is_bag(source, database):
+            return _tables(source, database)
+    from sensorbook.recordings import bags
+
+    return bags.table_names(source)
 
 
 def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -> Table:
     """Opens one table of a database."""
     with closing(_connected(source)) as database:
-        name = choose(source, table, _tables(source, database), "table")
-        # Damage in the tree of pages could lose rows or give them twice.
-        whole = _run(source, database, f"PRAGMA quick_check({_quoted(name)})")
-        if _fetch(source, whole) != [("ok",)]:
-            raise _damaged(source)
-        columns = tuple(
-            row[1] for row in _run(source, database, f"PRAGMA table_info({_quoted(name)})")
-        )
+        if is_bag := _is_bag(source, database):
+            _check(source, database, "messages")
+        else:
+            name = choose(source, table, _tables(source, database), "table")
+            _check(source, database, name)
+            columns = _names(source, database, name)
+    if is_bag:
+        from sensorbook.recordings import bags
+
+        return bags.open_table(source, table, wanted)
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
         wanted = ", ".join(_quoted(columns[index]) for index in indices)
@@ -51,6 +61,31 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         return held
 
     return Table(source.file, columns, read)
+
+
+def blocks(source: Source, query: str) -> Iterator[list[tuple]]:
+    """The rows that a query gives, some thousands at one go."""
+    with closing(_connected(source)) as database:
+        cursor = _run(source, database, query)
+        while block := _fetch(source, cursor):
+            yield block
+
+
+def _is_bag(source: Source, database: sqlite3.Connection) -> bool:
+    """True for a database as ROS 2's recorder writes it."""
+    return all(columns <= set(_names(source, database, name)) for name, columns in _BAG.items())
+
+
+def _check(source: Source, database: sqlite3.Connection, name: str) -> None:
+    """Raises on damage in a table's tree of pages, which could lose rows or give them twice."""
+    whole = _run(source, database, f"PRAGMA quick_check({_quoted(name)})")
+    if _fetch(source, whole) != [("ok",)]:
+        raise damaged(source)
+
+
+def _names(source: Source, database: sqlite3.Connection, name: str) -> tuple[str, ...]:
+    """Names of a table's columns."""
+    return tuple(row[1] for row in _run(source, database, f"PRAGMA table_info({_quoted(name)})"))
 
 
 def _column(values: Sequence) -> np.ndarray:
@@ -85,7 +120,7 @@ def _connected(source: Source) -> sqlite3.Connection:
             raise source.wrong(f"was not closed by its recorder: {beside.name} holds more of it",
                                "open and close it once with sqlite3, or export it again")  # fmt: skip
     if int.from_bytes(source.head[16:18]) not in (1, *(1 << k for k in range(9, 16))):
-        raise _damaged(source)
+        raise damaged(source)
     page = int.from_bytes(source.head[16:18])
     page = 65536 if page == 1 else page
     pages = int.from_bytes(source.head[28:32])
@@ -95,7 +130,7 @@ def _connected(source: Source) -> sqlite3.Connection:
     # The count holds where it was made at the last change (SQLite Database File Format, 1.3.8).
     counted = pages and source.head[24:28] == source.head[92:96]
     if size % page or (counted and size != pages * page):
-        raise _damaged(source)
+        raise damaged(source)
     path = quote(str(source.path.resolve()))
     try:
         # Immutable: no lock, no journal, nothing is written beside it.
@@ -104,7 +139,7 @@ def _connected(source: Source) -> sqlite3.Connection:
         database.execute("PRAGMA cell_size_check = ON")
         database.text_factory = lambda data: data.decode("utf-8", "replace")
     except sqlite3.Error:
-        raise _damaged(source) from None
+        raise damaged(source) from None
     end = time.monotonic() + _LONGEST
     database.set_progress_handler(lambda: time.monotonic() > end, 100_000)
     return database
@@ -131,8 +166,9 @@ def _quoted(name: str) -> str:
 def _failed(source: Source, error: Exception) -> InputError:
     if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_INTERRUPT:
         return source.wrong(f"takes longer than {_LONGEST:g} s to read", "save the table as .csv")
-    return _damaged(source)
+    return damaged(source)
 
 
-def _damaged(source: Source) -> InputError:
+def damaged(source: Source) -> InputError:
+    """What to raise where the file is not what SQLite or its recorder wrote."""
     return source.wrong("is a damaged SQLite file, or one that is cut off", "copy it again")

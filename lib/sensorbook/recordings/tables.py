@@ -42,13 +42,13 @@ READERS = {
     b"CDF\x02": "netcdf",
     b"CDF\x05": "netcdf",
     b"SQLite format 3\0": "sqlite",
+    b"#ROSBAG": "bags",
+    b"\x89MCAP": "bags",
     b"ULog\x01\x12\x35": "ulog",
     b"": "text",
 }
 NOT_YET = {
     b"FEA1": "Feather v1",
-    b"#ROSBAG": "ROS bag",
-    b"\x89MCAP": "MCAP",
     b"\xd0\xcf\x11\xe0": "Excel",
 }
 NO_TABLE = {
