@@ -41,6 +41,10 @@ FORMATS = {
     one.name: one
     for one in (
         Format("kalibr", "kalibr", "imu.yaml of Kalibr", NOISE, ".yaml"),
+        Format("allan-ros", "allan_ros", "imu.yaml as of allan_variance_ros", NOISE, ".yaml"),
+        Format(
+            "imu-utils", "imu_utils", "parameters as of imu_utils", f"{NOISE}, Allan curves", ".yaml"
+        ),
         Format("allan-csv", "allan_csv", "Allan curves as a table", "Allan curve of any sensor", ".csv"),
         Format("yaml", "calibration_yaml", "calibrations and thermal models", CALIBRATION, ".yaml"),
         Format("c-header", "c_header", "the same for C and C++", CALIBRATION, ".h"),

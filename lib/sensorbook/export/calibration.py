@@ -80,16 +80,16 @@ class Absent(InputError):
     """A part that the results do not have, or that was refused: others may serve without it."""
 
 
-def calibration_of(results: Entry, sensor: str) -> Entry:
-    """The calibration of a sensor; raises `Absent` where there is none."""
-    path, mend = ("sensors", sensor, "calibration"), MENDS[sensor]
+def part_of(results: Entry, sensor: str, part: str, mend: str) -> Entry:
+    """A part of a sensor's results; raises `Absent`, with `mend`, where there is none."""
+    path = ("sensors", sensor, part)
     entry = results
     for name in path:
         entry = entry.get(name)
     if entry.value is None:
         try:
-            results.at(*path, mend=mend)
-        except InputError as error:  # it names the first that is missing
+            results.at(*path, mend=mend)  # names the first of the path that is missing
+        except InputError as error:
             raise Absent(*error.problems) from None
         raise Absent(*entry.wrong("is missing", mend).problems)
     if (reason := entry.get("reason")).value is not None:
