@@ -55,7 +55,9 @@ def find_clock(times: Sequence[Column], counters: Sequence[Column], notes: Seque
     found = [clock for column in times if (clock := _of_column(column)) is not None]
     noted = _noted(notes)
     if found:
-        best = min(found, key=lambda c: (c.column is None, CERTAINTIES.index(c.certainty)))
+        best = min(
+            found, key=lambda c: (c.column is None, CERTAINTIES.index(c.certainty), not _taken(c))
+        )
         if noted is None or abs(best.step / noted.step - 1) < 0.05:
             return best
         if best.column is not None and best.column.named.unit:
@@ -79,6 +81,11 @@ def find_clock(times: Sequence[Column], counters: Sequence[Column], notes: Seque
         reason = f"{counters[0].shown} counts samples and no column holds a time"
         return Clock(None, "", None, UNKNOWN, reason)
     return NO_CLOCK
+
+
+def _taken(clock: Clock) -> bool:
+    """True where its name says that it is when samples were taken, not when they were logged."""
+    return clock.column is not None and clock.column.name == "timestamp_sample"  # PX4
 
 
 def _noted(notes: Sequence[str]) -> Clock | None:

@@ -48,10 +48,11 @@ class Guessed:
 
 @dataclass
 class _Opened:
-    """One table of one file and what its columns are."""
+    """One table of one file and what its columns are; `told` is its name even where it is the only one."""
 
     file: str
     name: str | None
+    told: str
     table: Table
     clock: Clock
     triples: list[Triple]
@@ -77,8 +78,10 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
     for path, name in zip(paths, names or [p.name for p in paths], strict=True):
         try:
             tables = table_names(path, name)
-            for table in tables if len(tables) > 1 else (None,):
-                opened.append(_open(path, name, table))
+            # The only one need not be named to be found, but its name may tell the sensor.
+            alone = len(tables) == 1
+            for table in tables or (None,):
+                opened.append(_open(path, name, None if alone else table, table or ""))
         except InputError as error:
             problems += error.problems
     if problems:
@@ -126,7 +129,7 @@ def _place(one: _Opened) -> str:
 
 def _derived(one: _Opened) -> str:
     """What a phone computes of its sensors, by the name of a file or table; "" for readings."""
-    words = set(words_of(one.name or Path(one.file).stem))
+    words = set(words_of(one.told or Path(one.file).stem))
     if "gravity" in words:
         return "gravity as it is computed, not a reading"
     words |= {w for t in one.triples for c in t.columns for w in words_of(c.name)}
@@ -172,7 +175,7 @@ def _beside(
     return _marked({k: v for k, v in recording.table.items() if k != "guessed"}, guesses)
 
 
-def _open(path: Path, file: str, name: str | None) -> _Opened:
+def _open(path: Path, file: str, name: str | None, told: str) -> _Opened:
     table = open_table(path, file, name)
     roles = sort_columns(read_columns(table))
     clock = find_clock(roles.time, roles.counter, table.notes)
@@ -185,13 +188,19 @@ def _open(path: Path, file: str, name: str | None) -> _Opened:
         clock = _by_temperature(clock, roles.temperature)
     triples = [Triple.of(columns, clock) for columns in roles.triples]
     triples = [t for t in triples if len(t.finite) >= FEWEST]
-    find_sensors(triples, sensor_of(name or "") or sensor_of(Path(file).stem))
+    find_sensors(triples, _sensor_told(told) or sensor_of(Path(file).stem))
     clock = _by_rotation(clock, triples)
     used = {clock.column} if clock.column else set()
     spare = [c for c in (*roles.time, *roles.counter) if c not in used]
+    idle = roles.idle + spare
     return _Opened(
-        file, name, table, clock, triples, roles.temperature, roles.quaternion, roles.idle + spare
+        file, name, told, table, clock, triples, roles.temperature, roles.quaternion, idle
     )
+
+
+def _sensor_told(table: str) -> str:
+    """The sensor that a table's name speaks of; a folder before it may speak of another."""
+    return sensor_of(table) or sensor_of(table.rpartition("/")[2])
 
 
 def _by_temperature(clock: Clock, temperature: Column) -> Clock:
@@ -391,6 +400,10 @@ def _why_none(one: _Opened) -> str:
     if rows < FEWEST:
         return f"holds {rows} rows, too few for a recording"
     words = {w for c in (*one.idle, *one.quaternion) for w in words_of(c.name)}
+    if "delta" in words and words & {"angle", "velocity"} and not one.triples:
+        return (
+            "holds increments of angle and velocity, which are no rates, and no sensor's readings"
+        )
     if words & {"latitude", "lat"} and words & {"longitude", "lon", "lng"}:
         return "holds a satellite receiver's places, which may stand under [site], and no sensor"
     if not one.triples:

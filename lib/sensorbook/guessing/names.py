@@ -47,7 +47,7 @@ _OTHER = _words(
     "roll pitch yaw heading euler vel velocity pos position lat latitude lon longitude alt "
     "altitude height pressure baro speed gps gnss humidity light lux battery volt voltage "
     "current cov covariance std sigma variance label activity movement user gravity offset "
-    "bias raw_adc status accuracy ref reference tau dev adev"
+    "bias raw_adc status accuracy ref reference tau dev adev delta integral"
 )
 _AXES = {"x": "x", "y": "y", "z": "z"}
 _NUMBERED = {"0": "x", "1": "y", "2": "z"}
