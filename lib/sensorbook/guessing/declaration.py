@@ -12,6 +12,7 @@ from pathlib import Path
 from sensorbook.errors import InputError, Problem
 from sensorbook.guessing.certainty import Guess
 from sensorbook.guessing.guess import Guessed, GuessedRecording, device_id, guess_files
+from sensorbook.recordings.bags import storage_file
 from sensorbook.recordings.checks import file_name
 from sensorbook.recordings.schema import FILE
 
@@ -41,11 +42,13 @@ _LIMITS = {  # an example a sensor
 def new_device(folder: Path, files: Sequence[Path]) -> Guessed:
     """Writes `folder/device.toml` from recordings, which are copied there where they lie elsewhere.
 
+    A folder among `files` is that of a ROS 2 bag, and stands for the recording in it.
     Raises `InputError` before anything is written where one of them cannot be used.
     """
     if (folder / FILE).exists():
         raise InputError(Problem(str(folder / FILE), "", "is there already",
                                  "edit it, or name another folder"))  # fmt: skip
+    files = [storage_file(file) or file for file in files]
     names = _names(folder, files)
     guessed = guess_files(files, names)
     made: list[Path] = []

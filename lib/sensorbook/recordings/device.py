@@ -14,6 +14,7 @@ import tomli
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.advice import advise, lacks_gyroscope, of_trajectory, with_remedies
 from sensorbook.recordings.assemble import read_recording
+from sensorbook.recordings.bags import storage_file
 from sensorbook.recordings.checks import as_date, file_name
 from sensorbook.recordings.companions import with_shared_shocks, with_temperature
 from sensorbook.recordings.images import Images, listed_twice, read_images, shared_rows
@@ -68,6 +69,12 @@ def _open(path: Path) -> tuple[Device | None, list[Problem]]:
         what = "is no folder" if folder.exists() else "there is no such file or folder"
         return wrong(what, f"name a folder that holds a {FILE}, or a recording")
     if not source.is_file():
+        try:
+            bag = storage_file(folder)
+        except InputError as error:
+            return None, list(error.problems)
+        if bag:
+            return _of_file(bag)
         return wrong(f"is missing in {folder.name or folder}", "write one with: sensorbook new")
     try:
         data = source.read_bytes()
