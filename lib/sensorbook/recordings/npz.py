@@ -29,9 +29,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     file = source.file
     try:
         archive = zipfile.ZipFile(source.path)
-        _check_whole(source, archive)
-        if "[Content_Types].xml" in archive.namelist():
-            raise source.wrong("is an Excel file: format not supported yet", "save it as .csv")
+        if not is_whole(source, archive):
+            raise _damaged(file)
         shapes = {
             entry.filename.removesuffix(".npy"): _header(archive, entry)
             for entry in archive.infolist()
@@ -77,11 +76,12 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     return Table(file, names, read)
 
 
-def _check_whole(source: Source, archive: zipfile.ZipFile) -> None:
-    """Raises where the directory at the archive's end counts other members than it lists.
+def is_whole(source: Source, archive: zipfile.ZipFile) -> bool:
+    """False where the directory at the archive's end counts other members than it lists.
 
     zipfile does not look at the count, at bytes 10 and 11 of the last record (APPNOTE.TXT 6.3.10,
-    4.3.16), and passes over members whose entry is damaged.
+    4.3.16), and passes over members whose entry is damaged. It raises where a member's name does
+    not stand before its content.
     """
     with source.path.open("rb") as stream:
         stream.seek(max(source.path.stat().st_size - (1 << 16) - 22, 0))
@@ -89,9 +89,10 @@ def _check_whole(source: Source, archive: zipfile.ZipFile) -> None:
     at = tail.rfind(b"PK\x05\x06")
     count = int.from_bytes(tail[at + 10 : at + 12], "little")
     if at < 0 or count not in (len(archive.infolist()), 0xFFFF):  # 0xFFFF: counted elsewhere
-        raise _damaged(source.file)
+        return False
     for entry in archive.infolist():
-        archive.open(entry).close()  # its name must stand before its content, too
+        archive.open(entry).close()
+    return True
 
 
 def _header(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> tuple[tuple[int, ...], int, str]:

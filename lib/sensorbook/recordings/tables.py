@@ -32,7 +32,8 @@ HEAD_BYTES = 1 << 16
 
 # first bytes of the content: the module that reads it; text is what remains
 READERS = {
-    b"PK\x03\x04": "npz",
+    b"PK\x03\x04": "zipped",
+    b"PK\x05\x06": "zipped",
     b"PAR1": "arrow",
     b"ARROW1": "arrow",
     b"\x89HDF\r\n\x1a\n": "hdf5",

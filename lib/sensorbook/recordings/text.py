@@ -55,6 +55,14 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     return Table(file, layout.names, read, units=layout.units, notes=notes)
 
 
+def has_table(source: Source) -> bool:
+    """True where the beginning is text with rows of numbers."""
+    try:
+        return find_layout(_lines(_Text.of(source).head), []) is not None
+    except InputError:
+        return False
+
+
 class _Text:
     """The text of a file, in an encoding that pandas' parser takes, and what one pass over it showed.
 
