@@ -471,8 +471,11 @@ def test_a_refused_calibration_is_not_exported(name, exported):
     ],
 )
 def test_no_calibration(name, sensors, key, exported):
+    rests = 'record rests in many attitudes (kind = "positions") and render the report'
     assert said(exported, name, lambda r: r.update(sensors=sensors)) == [
-        f"{key}: is missing — {TURN}"
+        f"{key}: is missing — {TURN}",
+        f"sensors.accelerometer: is missing — {rests}",
+        f"sensors.gyroscope: is missing — {rests}",
     ]
 
 

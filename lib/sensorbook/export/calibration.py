@@ -77,11 +77,15 @@ def inert(text: str) -> str:
 
 
 class Absent(InputError):
-    """A part that the results do not have, or that was refused: others may serve without it."""
+    """A part that the results do not have: others may serve without it."""
+
+
+class Refused(Absent):
+    """A part that was refused."""
 
 
 def part_of(results: Entry, sensor: str, part: str, mend: str) -> Entry:
-    """A part of a sensor's results; raises `Absent`, with `mend`, where there is none."""
+    """A part of a sensor's results; raises `Absent` or `Refused`, with `mend`, where there is none."""
     path = ("sensors", sensor, part)
     entry = results
     for name in path:
@@ -93,7 +97,7 @@ def part_of(results: Entry, sensor: str, part: str, mend: str) -> Entry:
             raise Absent(*error.problems) from None
         raise Absent(*entry.wrong("is missing", mend).problems)
     if (reason := entry.get("reason")).value is not None:
-        raise Absent(*entry.wrong(f"was refused: {reason.text()}", mend).problems)
+        raise Refused(*entry.wrong(f"was refused: {reason.text()}", mend).problems)
     return entry
 
 
@@ -185,13 +189,13 @@ def _calibration(entry: Entry, unit: str) -> tuple[list[str], list[Value]]:
     values = [
         Value("bias", entry.at("bias").array(3), f"{unit}, reading where the true vector is zero"),
         Value("matrix", matrix, "1, scale factors on the diagonal, misalignments in rad off it"),
-        Value("inverse_matrix", _inverse(entry.at("matrix"), matrix), "1, inverse of matrix"),
+        Value("inverse_matrix", inverse(entry.at("matrix"), matrix), "1, inverse of matrix"),
     ]
     sensitivity, minus = entry.get("g_sensitivity"), ""
     if sensitivity.value is not None:
         minus = " - g_sensitivity * acceleration"
         unit_g = f"{unit} per m/s^2"
-        values.append(Value("g_sensitivity", _square(sensitivity), f"{unit_g}, added to a reading"))
+        values.append(Value("g_sensitivity", square(sensitivity), f"{unit_g}, added to a reading"))
     elif unit == "rad/s":
         notes.append("Sensitivity to acceleration: not visible.")
     plus = minus.replace("-", "+")
@@ -247,10 +251,10 @@ def _standard_errors(entry: Entry, unit: str) -> list[Value]:
     values = []
     for name, of, read in (
         ("bias", unit, _vector),
-        ("matrix", "1", _square),
-        ("g_sensitivity", f"{unit} per m/s^2", _square),
+        ("matrix", "1", square),
+        ("g_sensitivity", f"{unit} per m/s^2", square),
         ("hard_iron", unit, _vector),
-        ("soft_iron", "1", _square),
+        ("soft_iron", "1", square),
         ("field", unit, Entry.number),
     ):
         error = std.get(name)
@@ -323,21 +327,22 @@ def same_unit(entry: Entry, unit: str) -> None:
         raise entry.wrong(f"{entry.value!r} is not {unit!r}")
 
 
-def _inverse(entry: Entry, matrix: list[list[float]]) -> list[list[float]]:
+def inverse(entry: Entry, matrix: list[list[float]]) -> list[list[float]]:
+    """The inverse of a matrix (3, 3), which `entry` is."""
     try:
-        inverse = np.linalg.inv(matrix)
+        found = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
-        inverse = np.full((3, 3), np.inf)
-    if not np.isfinite(inverse).all():
+        found = np.full((3, 3), np.inf)
+    if not np.isfinite(found).all():
         raise entry.wrong("has no inverse")
-    return inverse.tolist()
+    return found.tolist()
 
 
 def _vector(entry: Entry) -> list[float]:
     return entry.array(3)
 
 
-def _square(entry: Entry) -> list[list[float]]:
+def square(entry: Entry) -> list[list[float]]:
     """(3, 3), of which three numbers are the diagonal."""
     diagonal = not any(isinstance(item.value, list) for item in entry.items())
     return np.diag(entry.array(3)).tolist() if diagonal else entry.array(3, 3)

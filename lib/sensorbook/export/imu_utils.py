@@ -13,14 +13,13 @@ import numpy as np
 
 from sensorbook.export.calibration import inert, part_of
 from sensorbook.export.noise import (
-    Attempts,
     named,
     noise_of,
     provenance,
     rate_of,
     visible,
 )
-from sensorbook.export.source import Entry, yaml_number
+from sensorbook.export.source import Attempts, Entry, yaml_number
 from sensorbook.noise.discrete import discrete_values
 from sensorbook.noise.model import TERMS, NoiseTerms
 from sensorbook.units import si_unit

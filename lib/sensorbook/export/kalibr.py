@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from sensorbook.export.noise import (
     SENSORS,
-    Attempts,
     named,
     noise_of,
     provenance,
     rate_of,
     strength,
 )
-from sensorbook.export.source import Entry, yaml_number
+from sensorbook.export.source import Attempts, Entry, yaml_number
 from sensorbook.noise.discrete import discrete_values
 from sensorbook.noise.model import NoiseTerms
 from sensorbook.units import si_unit

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sensorbook.errors import InputError
 from sensorbook.export.calibration import inert, origin, part_of
 from sensorbook.export.source import Entry
 from sensorbook.units import si_unit
@@ -19,26 +18,6 @@ class Strength:
     value: float
     what: str
     axes: str
-
-
-class Attempts:
-    """Collects what is wrong, so that all of it can be said at once."""
-
-    def __init__(self):
-        self.problems = []
-
-    def __call__(self, make, *arguments):
-        """What `make` gives; None where it raised `InputError`."""
-        try:
-            return make(*arguments)
-        except InputError as error:
-            self.problems.extend(error.problems)
-            return None
-
-    def end(self) -> None:
-        """Raises `InputError` with every problem once."""
-        if self.problems:
-            raise InputError(*dict.fromkeys(self.problems))
 
 
 def named(results: Entry) -> str:

@@ -83,6 +83,26 @@ class Entry:
         return InputError(Problem(self.file, self.key, message, mend))
 
 
+class Attempts:
+    """Collects what is wrong, so that all of it can be said at once."""
+
+    def __init__(self):
+        self.problems = []
+
+    def __call__(self, make, *arguments):
+        """What `make` gives; None where it raised `InputError`."""
+        try:
+            return make(*arguments)
+        except InputError as error:
+            self.problems.extend(error.problems)
+            return None
+
+    def end(self) -> None:
+        """Raises `InputError` with every problem once."""
+        if self.problems:
+            raise InputError(*dict.fromkeys(self.problems))
+
+
 def yaml_number(value: float) -> str:
     """A float that YAML reads as the same float: 1e-05 without a point would be text."""
     mantissa, e, exponent = repr(value).partition("e")
