@@ -17,6 +17,8 @@ from sensorbook.errors import InputError
 from sensorbook.recordings import sqlite
 from sensorbook.recordings.tables import Source
 
+ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a frame (RFC 8878)
+
 _DENSEST = 150  # times that a chunk may inflate …
 _BOMB = 64 << 20  # … where it holds more than so many bytes
 # What the libraries raise on damage: asserted, unpacked, looked up, decoded, allocated.
@@ -67,6 +69,8 @@ def _reader(source: Source):
         return _topics_of_bag, _messages_of_bag
     if source.head.startswith(b"\x89MCAP"):
         return _topics_of_mcap, _messages_of_mcap
+    if source.head.startswith(ZSTD):
+        raise source.wrong("is compressed with zstd", f"inflate it first: zstd -d {source.file}")
     return _topics_of_database, _messages_of_database
 
 
@@ -86,15 +90,17 @@ def _bag(source: Source):
     except InputError:
         raise
     except (*_ERRORS, ReaderError) as error:
-        reason = (
-            str(error)[:100].rstrip(".")
-            if isinstance(error, ReaderError)
-            else "its bytes do not fit"
+        message, mend = (
+            "is a damaged ROS 1 bag, or one that was cut off",
+            "copy it again, or mend it with: ",
         )
-        mend = f"copy it again, or mend it with: rosbag reindex {source.file}"
-        if "not supported" in reason:
-            mend = "write it again with rosbag, uncompressed"
-        raise source.wrong(f"cannot be read as a ROS 1 bag: {reason}", mend) from None
+        reason = str(error) if isinstance(error, ReaderError) else ""
+        if "not indexed" in reason:
+            message, mend = "has no index: its recorder was cut off", "mend it with: "
+        elif "not supported" in reason:
+            raise source.wrong(f"cannot be read: {reason[:80].rstrip('.')}",
+                               "write it again with rosbag, without compression") from None  # fmt: skip
+        raise source.wrong(message, f"{mend}rosbag reindex {source.file}") from None
 
 
 def _topics_of_bag(source: Source) -> list[Topic]:
@@ -234,10 +240,13 @@ def _inflated(source: Source, compression: str, data: bytes) -> bytes:
 
         whole = LZ4FrameDecompressor().decompress(data, max_length=most + 1)
     elif compression == "zstd":
-        from zstandard import ZstdDecompressor
+        from zstandard import ZstdDecompressor, ZstdError
 
-        with ZstdDecompressor().stream_reader(data) as stream:
-            whole = stream.read(most + 1)
+        try:
+            with ZstdDecompressor().stream_reader(data) as stream:
+                whole = stream.read(most + 1)
+        except ZstdError:
+            raise ValueError from None
     else:
         raise source.wrong(f"holds chunks compressed with {compression[:40]!r}",
                            "write it again with zstd, lz4 or no compression")  # fmt: skip

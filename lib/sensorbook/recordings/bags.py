@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from sensorbook.errors import InputError, Problem
-from sensorbook.recordings.bag_files import Topic, messages, topics
+from sensorbook.recordings.bag_files import ZSTD, Topic, messages, topics
 from sensorbook.recordings.ros_messages import ENCODINGS, LAYOUTS, LayoutError, decode
 from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, extended, too_large
 
 _ROWS = 1 << 13  # messages decoded at one go
-_ZSTD = b"\x28\xb5\x2f\xfd"
 
 
 def table_names(source: Source) -> tuple[str, ...]:
@@ -104,7 +103,7 @@ def _columns(source: Source, topic: Topic, indices: Sequence[int]) -> dict[int, 
             columns = decode(layout, topic.encoding, payloads)
         except LayoutError as error:
             what, mend = f"is no {topic.type} in its {topic.encoding} encoding", "copy it again"
-            if payloads[error.row].startswith(_ZSTD):
+            if payloads[error.row].startswith(ZSTD):
                 what, mend = "is compressed with zstd", "rewrite the bag with: ros2 bag convert"
             where = f"table {topic.name!r}, message {rows + error.row + 1}"
             raise source.wrong(what, mend, where) from None

@@ -45,6 +45,7 @@ READERS = {
     b"SQLite format 3\0": "sqlite",
     b"#ROSBAG": "bags",
     b"\x89MCAP": "bags",
+    b"\x28\xb5\x2f\xfd": "bags",  # zstd, as ROS 2 compresses whole files: told there
     b"ULog\x01\x12\x35": "ulog",
     b"": "text",
 }
