@@ -1,6 +1,7 @@
 """Exports: numbers equal those of results.json, and whatever is wrong with it is said in one line."""
 
 import copy
+import hashlib
 import io
 import json
 import math
@@ -323,9 +324,16 @@ def read(text):
     return pd.read_csv(io.StringIO(text))
 
 
-def test_allan_csv_has_the_curves_of_the_results(exported):
+ABOUT = ["convention", "device", "created", "sensorbook", "results_sha256"]
+
+
+def test_allan_csv_has_the_curves_of_the_results(exported, tmp_path):
     table = read(exported("allan-csv"))
-    assert list(table.columns) == ["sensor", "tau_s", "x", "y", "z", "unit"]
+    assert list(table.columns) == ["sensor", "tau_s", "x", "y", "z", "unit", *ABOUT]
+    found = hashlib.sha256((tmp_path / "results.json").read_bytes()).hexdigest()
+    told = ["overlapping Allan deviation; low and high bound its 95 % interval", "imu-7",
+            "2024-05-01T12:00:00+00:00", "0.1.0", found]  # fmt: skip
+    assert all(row == told for row in table[ABOUT].values.tolist())
     for sensor, unit in UNITS.items():
         mine = table[table["sensor"] == sensor]
         assert set(mine["unit"]) == {unit}
@@ -341,7 +349,9 @@ def test_limits_stand_where_they_are_recorded_and_other_keys_nowhere(exported):
         r["sensors"]["gyroscope"]["allan"] |= {"x_low": TAU, "x_high": CURVE, "edf": {"x": 3}}
 
     table = read(exported("allan-csv", change))
-    assert list(table.columns) == ["sensor", "tau_s", "x", "y", "z", "unit", "x_low", "x_high"]
+    assert list(table.columns)[:-5] == [
+        "sensor", "tau_s", "x", "y", "z", "unit", "x_low", "x_high"
+    ]  # fmt: skip
     gyroscope = table["sensor"] == "gyroscope"
     assert list(table["x_low"][gyroscope]) == TAU
     assert list(table["x_high"][gyroscope]) == CURVE

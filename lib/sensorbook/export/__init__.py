@@ -45,7 +45,6 @@ FORMATS = {
         Format(
             "imu-utils", "imu_utils", "parameters as of imu_utils", f"{NOISE}, Allan curves", ".yaml"
         ),
-        Format("allan-csv", "allan_csv", "Allan curves as a table", "Allan curve of any sensor", ".csv"),
         Format("yaml", "calibration_yaml", "calibrations and thermal models", CALIBRATION, ".yaml"),
         Format("c-header", "c_header", "the same for C and C++", CALIBRATION, ".h"),
         Format(
@@ -55,6 +54,13 @@ FORMATS = {
         Format(
             "px4", "px4", "the same of PX4, for QGroundControl", "calibration of any sensor", ".params"
         ),
+        Format("ros-params", "ros_params", "ROS 2 parameters of nodes and drivers",
+               "calibration or noise of any sensor", ".yaml"),
+        Format("imu-calib", "imu_calib", "calibration for ROS' imu_calib",
+               "calibration of the accelerometer", ".yaml"),
+        Format("csv", "csv_table", "every number with its interval", "any result", ".csv"),
+        Format("allan-csv", "allan_csv", "Allan curves as a table", "Allan curve of any sensor", ".csv"),
+        Format("mat", "mat", "every result for MATLAB and Octave", "any result", ".mat", binary=True),
     )
 }  # fmt: skip
 
