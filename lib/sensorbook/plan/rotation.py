@@ -1,0 +1,65 @@
+"""How long to turn a magnetometer through all attitudes for a hard and soft iron of a wanted accuracy.
+
+Fisher's information of the ellipsoid ``‖S (m − h)‖ = F`` (A 6.1–6.4; `magnetometer.ellipsoid.design`) from
+directions spread evenly over the sphere, with the readings' white noise and what the field itself changes
+along the hand's path, which is alike for seconds and lowers the number of readings that count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensorbook.magnetometer.coverage import IDEAL, errors_by_direction, even_directions
+from sensorbook.magnetometer.ellipsoid import design
+from sensorbook.noise.model import NoiseTerms
+
+FIELD = 48e-6  # T, of middle latitudes
+# A hand moves by some 4 cm, in a room with a gradient of 2 µT/m: 0.2 % of the field, for 2 s at a time.
+SURROUNDINGS, ALIKE = 0.002, 2.0
+SECONDS = (60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0, 900.0, 1200.0, 1800.0)
+QUANTITIES = ("hard_iron", "soft_iron", "direction")
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """A turn through all attitudes, and what it tells.
+
+    Attributes
+    ----------
+    seconds : s
+    std : expected standard error by quantity, of the worst axis: hard iron (T), soft iron (relative, for
+        a determinant of 1), direction of a corrected reading (rad)
+    """
+
+    seconds: float
+    std: dict[str, float]
+
+
+def rotation(
+    terms: dict[str, NoiseTerms],
+    seconds: float,
+    field: float = FIELD,
+    surroundings: float = SURROUNDINGS,
+) -> Rotation:
+    """What `seconds` of turning tell; `field` T, `surroundings` rms of the field's strength over it."""
+    white = max(t.random_walk for t in terms.values()) / field
+    density = white**2 + surroundings**2 * ALIKE  # two-sided, of one reading's length over the field
+    u = even_directions()
+    a = design(u, u, IDEAL)
+    covariance = np.linalg.inv(a.T @ a / len(u)) * density / seconds
+    unit = np.eye(9)
+    unit[3:6, 3:6] -= 1 / 3  # a common factor is none of the soft iron
+    relative = np.sqrt(np.diag(unit @ covariance @ unit.T))
+    values = (relative[:3].max() * field, relative[3:].max(), errors_by_direction(covariance).max())
+    return Rotation(seconds, dict(zip(QUANTITIES, map(float, values), strict=True)))
+
+
+def planned(quantity: str, std: float, terms: dict[str, NoiseTerms]) -> tuple[Rotation, bool]:
+    """The shortest turn with a standard error of `std` or less; else the longest, and False."""
+    for seconds in SECONDS:
+        found = rotation(terms, seconds)
+        if found.std[quantity] <= std:
+            return found, True
+    return found, False
