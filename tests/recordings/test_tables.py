@@ -122,7 +122,7 @@ BAD = [
     (text()[:-9].encode(), "log.csv: line 31: is cut off: its last line breaks off — copy it again"),
     (text(ROWS[:20]).encode() + b"3.0,1.5,-9.0,1.2e", "log.csv: line 22: is cut off"),
     (text().encode().replace(b"\n0.25,", b"\n0.25,\0\0\0", 1), "log.csv: line 4: holds NUL bytes, as"),
-    (b"PK\x03\x04 rubbish", "log.csv: is a damaged .npz archive"),
+    (b"PK\x03\x04 rubbish", "log.csv: is a damaged ZIP archive, or one that is cut off — copy it again"),
 ]  # fmt: skip
 
 

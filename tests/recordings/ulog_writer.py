@@ -19,13 +19,17 @@ MAG = ("uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float x;
 COMBINED = ("uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
             "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
             "uint32_t accelerometer_integral_dt;uint8_t accelerometer_clipping;"
-            "uint8_t gyro_clipping;uint8_t accel_calibration_count;uint8_t gyro_calibration_count;")  # fmt: skip
+            "uint8_t gyro_clipping;uint8_t accel_calibration_count;"
+            "uint8_t gyro_calibration_count;")  # fmt: skip
 IMU = ("uint64_t timestamp;uint64_t timestamp_sample;uint32_t accel_device_id;"
        "uint32_t gyro_device_id;float[3] delta_angle;float[3] delta_velocity;"
        "uint32_t delta_angle_dt;uint32_t delta_velocity_dt;uint8_t delta_angle_clipping;"
        "uint8_t delta_velocity_clipping;uint8_t accel_calibration_count;"
        "uint8_t gyro_calibration_count;")  # fmt: skip
-ATTITUDE = "uint64_t timestamp;uint64_t timestamp_sample;float[4] q;float[4] delta_q_reset;uint8_t quat_reset_counter;"  # fmt: skip
+FIFO = ("uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float dt;float scale;"
+        "int16_t[32] x;int16_t[32] y;int16_t[32] z;uint8_t samples;")  # fmt: skip
+ATTITUDE = ("uint64_t timestamp;uint64_t timestamp_sample;float[4] q;float[4] delta_q_reset;"
+            "uint8_t quat_reset_counter;")  # fmt: skip
 
 
 def message(kind: str, content: bytes) -> bytes:
@@ -51,7 +55,9 @@ def datum(fields: str, number: int, values: dict) -> bytes:
         given = np.atleast_1d(values.get(name, 0))
         items = given if len(given) == int(count or 1) else np.zeros(int(count or 1))
         for item in items:
-            out += struct.pack("<" + CODES[kind], item if kind in ("float", "double") else int(item))
+            out += struct.pack(
+                "<" + CODES[kind], item if kind in ("float", "double") else int(item)
+            )
     return message("D", out)
 
 

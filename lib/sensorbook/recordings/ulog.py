@@ -37,6 +37,8 @@ _MOST_FIELDS = 300_000  # of all topics; PX4 logs a few thousand
 _UNITS = {
     "sensor_accel": {"x": "m/s^2", "y": "m/s^2", "z": "m/s^2"},
     "sensor_gyro": {"x": "rad/s", "y": "rad/s", "z": "rad/s"},
+    "sensor_accel_fifo": {"x": "m/s^2", "y": "m/s^2", "z": "m/s^2"},
+    "sensor_gyro_fifo": {"x": "rad/s", "y": "rad/s", "z": "rad/s"},
     "sensor_mag": {"x": "gauss", "y": "gauss", "z": "gauss"},
     "sensor_combined": {"gyro_rad": "rad/s", "accelerometer_m_s2": "m/s^2",
                         "magnetometer_ga": "gauss"},
@@ -47,6 +49,10 @@ _UNITS = {
     "vehicle_magnetometer": {"magnetometer_ga": "gauss"},
 }  # fmt: skip
 _UNITS_OF_ALL = {"timestamp": "us", "timestamp_sample": "us", "temperature": "degC"}
+# As the sensors gave them; what PX4 makes of them is corrected and filtered in flight.
+_RAW = ("sensor_accel", "sensor_gyro", "sensor_mag", "sensor_combined", "sensor_accel_fifo",
+        "sensor_gyro_fifo", "vehicle_imu")  # fmt: skip
+_FIFO_FIELDS = ("timestamp", "timestamp_sample", "x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,15 @@ class _Topic:
         names = {name for kind, name in self.fields if kind not in ("char", "bool")}
         arrays = {name[:-3] for name in names if name.endswith("[2]")}
         return {"x", "y", "z"} <= names or any(f"{a}[3]" not in names for a in arrays)
+
+    @property
+    def burst(self) -> int:
+        """Most samples of a message that holds several, as a sensor's FIFO gave them; else 0."""
+        names = {name for _, name in self.fields}
+        if not {"timestamp_sample", "dt", "scale", "samples", "x[0]", "y[0]", "z[0]"} <= names:
+            return 0
+        longest = [sum(name.startswith(f"{axis}[") for name in names) for axis in "xyz"]
+        return longest[0] if len(set(longest)) == 1 else 0
 
     def unit(self, field: str) -> str:
         stem = field.partition("[")[0]
@@ -94,10 +109,12 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     sensors = _sensors(log)
     there = sensors if table is None else [*sensors, *sorted(log.topics.keys() - set(sensors))]
     topic = log.topics[choose(source, table, there, "topic")]
-    fields = [name for kind, name in topic.fields if kind != "char"]
+    burst = topic.burst
+    fields = _FIFO_FIELDS if burst else [name for kind, name in topic.fields if kind != "char"]
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
         data = _values(source, topic)
+        data = _one_by_one(source, data, burst) if burst else data
         return {index: data[fields[index]] for index in indices}
 
     units = tuple(topic.unit(name) for name in fields)
@@ -106,8 +123,8 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
 
 def _sensors(log: _Log) -> list[str]:
     """Topics of sensors as read; where there are none, all that have three axes."""
-    three = [topic for topic in log.topics.values() if topic.has_axes]
-    raw = [t for t in three if t.name.startswith("sensor_") or t.name == "vehicle_imu"]
+    three = [topic for topic in log.topics.values() if topic.has_axes or topic.burst]
+    raw = [topic for topic in three if topic.name in _RAW]
     # Some are logged once a second beside one that is logged in full.
     order = sorted(
         raw or three,
@@ -150,6 +167,29 @@ def _values(source: Source, topic: _Topic) -> dict[str, np.ndarray]:
     if {len(values) for values in columns.values()} != {topic.rows}:
         raise _damaged(source.wrong)
     return columns
+
+
+def _one_by_one(source: Source, data: dict[str, np.ndarray], burst: int) -> dict[str, np.ndarray]:
+    """The samples of bursts in the topic's unit, each with its stamp (µs, with fractions).
+
+    A burst's stamp is its last sample's, those before it are `dt` µs apart, and a reading is
+    count · `scale` (PX4, VehicleAcceleration.cpp and msg/SensorAccelFifo.msg).
+    """
+    samples = data["samples"].astype(np.int64)[:, None]
+    if samples.max() > burst:
+        raise _damaged(source.wrong)
+    place = np.arange(burst)
+    there = place < samples
+    with np.errstate(over="ignore", invalid="ignore"):
+        age = (samples - 1 - place) * data["dt"].astype(np.float64)[:, None]
+        stamps = data["timestamp_sample"].astype(np.float64)[:, None] - age
+        columns = {
+            axis: (np.stack([data[f"{axis}[{k}]"] for k in place], axis=1)
+                   * data["scale"].astype(np.float64)[:, None])[there]
+            for axis in "xyz"
+        }  # fmt: skip
+    logged = np.broadcast_to(data["timestamp"][:, None], there.shape)[there]
+    return {"timestamp": logged, "timestamp_sample": stamps[there], **columns}
 
 
 # ---- the walk through a log ----
@@ -234,7 +274,9 @@ def _sections(view: mmap.mmap, size: int, wrong) -> tuple[int, list[int]]:
     if size < 19 or view[18] != 66:  # B, flags
         return 16, [size]
     length = int.from_bytes(view[16:18], "little")
-    if length < 40 or 19 + length > size:
+    if 19 + length > size:
+        raise _cut_off(wrong, 16)
+    if length < 40:
         raise _damaged(wrong, 16)
     flags = view[27:35]
     if flags[0] & ~1 or any(flags[1:]):
