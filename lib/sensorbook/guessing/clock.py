@@ -10,6 +10,7 @@ import numpy as np
 
 from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOWN, weakest
 from sensorbook.guessing.columns import Column
+from sensorbook.recordings.clock import shuffled
 from sensorbook.units import factor
 
 _USUAL_RATES = (0.5, 8000.0)  # Hz, of the sensors this is for
@@ -105,16 +106,18 @@ def _noted(notes: Sequence[str]) -> Clock | None:
 
 def _of_column(column: Column) -> Clock | None:
     values = column.values[np.isfinite(column.values)]
+    if shuffled(values):
+        values = np.sort(values)
     steps = np.diff(values)
     steps = steps[steps > 0]
     if not len(steps):
         return None
     uneven = _uneven(values)
-    step = (
-        float(values.max() - values.min()) / (len(values) - 1)
-        if uneven
-        else float(np.median(steps))
-    )
+    step = float(np.median(steps))
+    if uneven:
+        step = float(values.max() - values.min()) / (len(values) - 1)
+    elif np.spacing(values[-1]) > 1e-6 * step:  # ns since 1970 are told to 256 ns in a float64
+        step = float(steps[np.abs(steps - step) <= 0.5 * step].mean())
     unit, certainty, reason = _unit(column, values, step)
     seconds = step * factor(unit or "s", "s")
     if uneven:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sensorbook.errors import InputError
 from sensorbook.guessing.names import Named, read_name, unit_of
+from sensorbook.recordings.clock import shuffled
 from sensorbook.recordings.tables import Table
 
 
@@ -107,7 +108,7 @@ def sort_columns(columns: Sequence[Column]) -> Roles:
             roles.idle.append(column)
         elif column.name == "T" and not _rises(finite) and _slow(v):
             roles.temperature = roles.temperature or column
-        elif column.stamps or (role == "time" and (_advances(finite) or _rises(finite))):
+        elif column.stamps or (role == "time" and _tells_time(finite)):
             roles.time.append(column)
         elif role == "counter" and _advances(finite):
             roles.counter.append(column)
@@ -128,8 +129,13 @@ def sort_columns(columns: Sequence[Column]) -> Roles:
     return roles
 
 
-def _advances(values: np.ndarray) -> bool:
-    """True for what runs on: a time or a counter, but for a few stamps."""
+def _tells_time(values: np.ndarray) -> bool:
+    """True for what is named a time and is one, whatever the order of its rows, which is told later."""
+    return _advances(values, 0.5) or _rises(values) or shuffled(values)
+
+
+def _advances(values: np.ndarray, share: float = 0.98) -> bool:
+    """True for what runs on: a time or a counter, but for a few stamps, or a larger share of them."""
     steps = np.diff(values)
     if len(steps) < 2:
         return False
@@ -137,7 +143,7 @@ def _advances(values: np.ndarray) -> bool:
     if values[-1] - values[0] < 0.5 * steps[steps > 0].sum():
         return False
     # A reading never rises through thousands of samples, and a slow one stands still in between.
-    return bool(np.median(steps) > 0 and np.count_nonzero(steps >= 0) >= 0.98 * len(steps))
+    return bool(np.median(steps) > 0 and np.count_nonzero(steps >= 0) >= share * len(steps))
 
 
 def _rises(values: np.ndarray) -> bool:
