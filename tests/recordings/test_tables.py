@@ -117,7 +117,7 @@ BAD = [
     (text().encode() + b"t,gx,gy,gz\n", "log.csv: column 't', row 31: 't' is not a number"),
     (b"\x1f\x8b" + b"not gzip", "log.csv: is a damaged gzip file"),
     (gzip.compress(text().encode())[:-20], "log.csv: is a gzip file that is cut off — copy it again"),
-    (b"\x89MCAP0\r\n", "log.csv: is a MCAP file: format not supported yet — save its columns as .csv"),
+    (b"FEA1\0\0\0", "log.csv: is a Feather v1 file: format not supported yet — save its columns as .csv"),
     (b"\xff\xd8\xff\xe0....", "log.csv: is a JPEG image, not a table — name a file that holds"),
     (text()[:-9].encode(), "log.csv: line 31: is cut off: its last line breaks off — copy it again"),
     (text(ROWS[:20]).encode() + b"3.0,1.5,-9.0,1.2e", "log.csv: line 22: is cut off"),

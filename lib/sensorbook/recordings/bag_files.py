@@ -7,11 +7,13 @@ through mcap, ROS 2 bags in SQLite through SQLite itself.
 from __future__ import annotations
 
 import bz2
+import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import BinaryIO
 
 from sensorbook.errors import InputError
 from sensorbook.recordings import sqlite
@@ -21,6 +23,7 @@ ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a frame (RFC 8878)
 
 _DENSEST = 150  # times that a chunk may inflate …
 _BOMB = 64 << 20  # … where it holds more than so many bytes
+_FOOTER = 9 + 20 + 8  # bytes at the end of MCAP: the footer's head and content, and the magic
 # What the libraries raise on damage: asserted, unpacked, looked up, decoded, allocated.
 _ERRORS = (ValueError, AssertionError, LookupError, TypeError, AttributeError, struct.error, OSError,
            EOFError, RuntimeError, OverflowError, MemoryError)  # fmt: skip
@@ -60,7 +63,7 @@ def topics(source: Source) -> list[Topic]:
 
 
 def messages(source: Source, topic: Topic) -> Iterator[tuple[int, bytes]]:
-    """Time of receipt (ns) and bytes of each message, in the order of receipt."""
+    """Time of receipt (ns) and bytes of each message, in the file's order, which is that of receipt."""
     return _reader(source)[1](source, topic)
 
 
@@ -90,17 +93,15 @@ def _bag(source: Source):
     except InputError:
         raise
     except (*_ERRORS, ReaderError) as error:
-        message, mend = (
-            "is a damaged ROS 1 bag, or one that was cut off",
-            "copy it again, or mend it with: ",
-        )
         reason = str(error) if isinstance(error, ReaderError) else ""
+        reindex = f"mend it with: rosbag reindex {source.file}"
         if "not indexed" in reason:
-            message, mend = "has no index: its recorder was cut off", "mend it with: "
-        elif "not supported" in reason:
-            raise source.wrong(f"cannot be read: {reason[:80].rstrip('.')}",
-                               "write it again with rosbag, without compression") from None  # fmt: skip
-        raise source.wrong(message, f"{mend}rosbag reindex {source.file}") from None
+            raise source.wrong("has no index: its recorder was cut off", reindex) from None
+        if "not supported" in reason:
+            mend = "write it again with rosbag, without compression"
+            raise source.wrong(f"cannot be read: {reason[:80].rstrip('.')}", mend) from None
+        what = "is a damaged ROS 1 bag, or one that was cut off"
+        raise source.wrong(what, f"copy it again, or {reindex}") from None
 
 
 def _topics_of_bag(source: Source) -> list[Topic]:
@@ -153,32 +154,41 @@ def _mcap(source: Source):
 
 def _topics_of_mcap(source: Source) -> list[Topic]:
     with _mcap(source) as stream:
-        from mcap.reader import SeekingReader
+        from mcap.records import Channel, Footer, Schema, Statistics
 
-        size = source.path.stat().st_size
-        summary = SeekingReader(stream, record_size_limit=size).get_summary()
-        statistics = summary and summary.statistics
-        if statistics is None or statistics.channel_count != len(summary.channels):
+        stream.seek(-_FOOTER, os.SEEK_END)
+        footer = next(_records(source, stream, skip_magic=True))
+        if not isinstance(footer, Footer):
+            raise ValueError
+        stream.seek(footer.summary_start)  # 0 for none
+        records = list(_records(source, stream, skip_magic=True)) if footer.summary_start else []
+        types = {0: ""} | {r.id: r.name for r in records if isinstance(r, Schema)}
+        channels = [r for r in records if isinstance(r, Channel)]
+        counted = [r for r in records if isinstance(r, Statistics)]
+        if not counted or counted[0].channel_count != len(channels):
             raise source.wrong("holds no index of its topics", _recover(source))
-        found = []
-        for channel in summary.channels.values():
-            schema = summary.schemas[channel.schema_id].name if channel.schema_id else ""
-            count = statistics.channel_message_counts.get(channel.id, 0)
-            found.append(
-                Topic(channel.topic, schema, channel.message_encoding, count, (channel.id,))
-            )
-        return found
+        counts = counted[0].channel_message_counts
+        return [
+            Topic(c.topic, types[c.schema_id], c.message_encoding, counts.get(c.id, 0), (c.id,))
+            for c in channels
+        ]
+
+
+def _records(source: Source, stream: BinaryIO, **options) -> Iterator:
+    """The records from where the stream stands; chunks as they are."""
+    from mcap.stream_reader import StreamReader
+
+    # No record is larger than its file, whatever it says.
+    size = source.path.stat().st_size
+    return StreamReader(stream, emit_chunks=True, record_size_limit=size, **options).records
 
 
 def _messages_of_mcap(source: Source, topic: Topic) -> Iterator[tuple[int, bytes]]:
     with _mcap(source) as stream:
         from mcap.records import Chunk, Message
-        from mcap.stream_reader import StreamReader, breakup_chunk
+        from mcap.stream_reader import breakup_chunk
 
-        # No record is larger than its file, whatever it says.
-        size = source.path.stat().st_size
-        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size)
-        for record in reader.records:
+        for record in _records(source, stream, validate_crcs=True):
             parts = [record]
             if isinstance(record, Chunk):
                 data = _inflated(source, record.compression or "none", record.data)
