@@ -9,6 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 import yaml
+from consumers import read_param, read_params
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -87,20 +88,6 @@ def said(exported, name, change):
 # ---- what the targets do with a file, written anew from their sources ----
 
 
-def read_param(text):
-    """As AP_Param reads a file: pieces of at most 98 characters, whatever is in them."""
-    found = {}
-    for line in text.splitlines(keepends=True):
-        for start in range(0, len(line), 98):
-            piece = line[start : start + 98]
-            fields = piece.replace(",", " ").replace("=", " ").split()
-            if not piece.startswith("#") and len(fields) > 1:
-                assert len(fields) == 2
-                assert fields[0] not in found
-                found[fields[0]] = float(fields[1])
-    return found
-
-
 def correct_field(text, raw):
     """AP_Compass_Backend::correct_field; raw and result (N, 3) in T, computed in milligauss."""
     p = read_param(text)
@@ -121,19 +108,6 @@ def correct_field(text, raw):
         ],
         axis=1,
     )
-
-
-def read_params(text):
-    """As QGroundControl reads a file: lines of five columns between tabs that do not begin with #."""
-    found = {}
-    for line in text.split("\n"):
-        columns = line.split("\t")
-        if not line.startswith("#") and len(columns) == 5:
-            vehicle, component, name, value, kind = columns
-            assert (vehicle, component, kind) == ("1", "1", "9")
-            assert name not in found
-            found[name] = float(value)
-    return found
 
 
 def correct_px4(text, raw):

@@ -74,13 +74,12 @@ def render(results: Entry) -> str:
             parts += make(results, absent)
         except InputError as error:
             attempt.problems += error.problems
-    if not parts:
+    if not parts and not attempt.problems:
         attempt.problems += absent
     attempt.end()
-    left_out = [
-        f"Not in this file: {problem.where}, which {problem.message}"
-        for problem in dict.fromkeys(absent)
-    ]
+    left_out = dict.fromkeys(
+        f"Not in this file: {one.where}, which {one.message}" for one in absent
+    )
     lines = [*comments([*head, *left_out, *HEAD]), "/**:", "  ros__parameters:", *parts]
     return "\n".join(lines) + "\n"
 
