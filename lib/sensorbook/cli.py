@@ -191,6 +191,27 @@ def _compare(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _plan(arguments: argparse.Namespace) -> int:
+    from sensorbook.plan import Usage, overview, plan
+
+    asked = {k: getattr(arguments, k) for k in ("results", "grade", "rate")}
+    more = ("sensor", "quantity", "within", "levelling", "span", "reference")
+    more = {k: v for k in more if (v := getattr(arguments, k)) is not None}
+    try:
+        if arguments.kind is not None:
+            lines = plan(arguments.kind, **asked, **more).lines()
+        elif more:
+            raise Usage(f"--{next(iter(more))} goes with a KIND, such as: sensorbook plan static")
+        else:
+            lines = overview(**asked)
+        for line in lines:
+            print(line)
+    except Usage as problem:
+        print(f"sensorbook plan: {problem}", file=sys.stderr)
+        return 2
+    return 0
+
+
 def _parser() -> argparse.ArgumentParser:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -353,7 +374,58 @@ def _parser() -> argparse.ArgumentParser:
         "results", nargs="+", metavar="RESULTS.json", help="two or more; of one device the earliest, "
         "else the first, is the reference"
     )  # fmt: skip
+
+    plan = command(
+        "plan",
+        _plan,
+        "tell how to record each kind for a wanted accuracy, and what that will give",
+        "sensorbook plan"
+        "\n  sensorbook plan static --sensor gyroscope --quantity bias_instability --within 10%"
+        " --from reports/imu-7/results.json"
+        '\n  sensorbook plan positions --sensor accelerometer --within "0.1 mg" --grade industrial'
+        "\n  sensorbook plan thermal --span 40",
+    )
+    plan.add_argument(
+        "kind", nargs="?", metavar="KIND", help="static, positions, six_position, rotation, thermal, "
+        "trajectory or images; default: all in short"
+    )  # fmt: skip
+    plan.add_argument("--sensor", metavar="NAME", help="default: the kind's first")
+    plan.add_argument(
+        "--quantity", metavar="NAME", help="as results.json names it, such as random_walk, bias or "
+        "scale_factor_error; default: the kind's first"
+    )  # fmt: skip
+    plan.add_argument(
+        "--within", metavar="X", help="half the 95 %% interval that is wanted: of a noise level 10%% or "
+        'a number with its unit, such as "0.1 mg", "200 ppm", "0.5 deg/h"'
+    )  # fmt: skip
+    plan.add_argument(
+        "--from", dest="results", metavar="RESULTS.json", help="noise of a device already measured"
+    )
+    plan.add_argument(
+        "--grade", metavar="NAME", help="typical noise: consumer, industrial or tactical; default: consumer"
+    )  # fmt: skip
+    plan.add_argument(
+        "--rate", type=_above_zero, metavar="HZ", help="default: the device's own, else 100"
+    )
+    plan.add_argument(
+        "--levelling", type=_above_zero, metavar="DEG", help="six_position: rms; default: 0.2"
+    )
+    plan.add_argument("--span", type=_above_zero, metavar="C", help="thermal, °C; default: 25")
+    plan.add_argument(
+        "--reference", type=_above_zero, metavar="DEG", help="trajectory: a reference's standard error "
+        "about each axis; default: 0.5"
+    )  # fmt: skip
     return parser
+
+
+def _above_zero(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1e9:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
 
 
 def _seed(text: str) -> int:
