@@ -85,21 +85,21 @@ def of_results(
     if not noise.value:
         raise noise.wrong("is missing", mend)
     axes, bounds = {}, set()
-    for axis in (a for a in "xyz" if a in noise.value):
+    for axis in "xyz":
         found = {}
         for term in TERMS:
-            entry = noise.at(axis).get(term)
+            entry = noise.at(axis, mend=mend).get(term)
             if entry.value is not None:
                 found[term] = entry.at("value").magnitude()
             elif term == wanted:
-                bound = noise.at(axis).get("upper_bounds").get(term)
+                bound = noise.at(axis, mend=mend).get("upper_bounds").get(term)
                 if bound.value is not None:
                     found[term] = bound.magnitude()
                     bounds.add((axis, term))
         if wanted and not found.get(wanted):
             continue
         if not found.get("random_walk"):
-            raise noise.at(axis).get("random_walk").wrong("is missing", mend)
+            raise noise.at(axis, mend=mend).get("random_walk").wrong("is missing", mend)
         axes[axis] = NoiseTerms(**found)
     if not axes:
         shown = wanted.replace("_", " ")

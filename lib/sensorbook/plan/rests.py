@@ -25,6 +25,7 @@ from sensorbook.plan.means import about_the_whole, covariance_of_means
 MOTION = 2.5  # s, of a hand from rest to rest
 LOST = 0.5  # s of a rest that are not free of its motions: the window of `calibration.rests`
 SECONDS = (4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0)  # of a rest
+LEVELLED = 10.0  # s of a levelled rest at least: setting it up takes longer
 LEVELLING = 0.2  # deg rms about each axis, on a levelled plate
 LATITUDE = 45.0  # deg, where nothing tells it
 STEPS = 40  # of a motion
@@ -68,10 +69,12 @@ def multi_position(
 
 
 def six_position(
-    terms: dict[str, NoiseTerms], rounds: int, seconds: float, levelling: float = LEVELLING
+    terms: dict[str, NoiseTerms],
+    attitudes: tuple[str, ...],
+    seconds: float,
+    levelling: float = LEVELLING,
 ) -> Positions:
-    """The same from levelled faces, each `rounds` times; `levelling` deg rms about each axis."""
-    attitudes = SIX * rounds
+    """The same from levelled faces, all of them; `levelling` deg rms about each axis."""
     u = _directions(attitudes)
     noise = _noise(terms, len(u), seconds)
     tilt = np.radians(levelling)
@@ -129,24 +132,20 @@ def planned(kind: str, quantity: str, std: float, **given) -> tuple[Positions, b
     besides.
     """
     if kind == "six_position":
-        tried = (
-            six_position(rounds=r, seconds=s, **given)
-            for r in (1, 2, 3, 4, 6)
-            for s in SECONDS
-            if s >= 10
-        )
+        tried = [(SIX * r, s) for r in (1, 2, 3, 4, 6) for s in SECONDS if s >= LEVELLED]
+        method = six_position
     else:
         method = gyroscope if "accelerometer" in given else multi_position
-        sets = (EIGHTEEN, _ALL, EIGHTEEN * 2, _ALL * 2, _ALL * 3, _ALL * 4)
-        tried = (method(attitudes=a, seconds=s, **given) for a in sets for s in SECONDS)
-    found = list(tried)
-    good = [p for p in found if p.std[quantity] <= std]
-    if good:
-        return min(good, key=lambda p: p.duration), True
+        sets = (EIGHTEEN, _ALL, EIGHTEEN * 2, _ALL * 2, _ALL * 3)
+        tried = [(a, s) for a in sets for s in SECONDS]
+    found = []
+    for attitudes, seconds in sorted(tried, key=lambda t: len(t[0]) * (t[1] + MOTION)):
+        found.append(method(attitudes=attitudes, seconds=seconds, **given))
+        if found[-1].std[quantity] <= std:
+            return found[-1], True
     # What is hardly better is not worth the time.
     best = min(p.std[quantity] for p in found)
-    near = [p for p in found if p.std[quantity] <= 1.05 * best]
-    return min(near, key=lambda p: p.duration), False
+    return next(p for p in found if p.std[quantity] <= 1.05 * best), False
 
 
 def _directions(attitudes: tuple[str, ...]) -> np.ndarray:

@@ -123,18 +123,23 @@ def shortest(terms: NoiseTerms, name: str, std: float, rate: float) -> Rest | No
 
 
 def hidden(terms: NoiseTerms, name: str, rate: float) -> str:
-    """What hides a term: its largest share of the spectrum, and what makes up the rest there."""
+    """Why a term is known so badly: what hides it where it stands out most, or how few lines show it."""
     spectrum = expected_spectrum(terms, round(LONGEST * rate), rate)
     likelihood = Likelihood(spectrum, 0, np.ones(len(spectrum.lines), dtype=bool))
     parts = {n: getattr(terms, n) ** 2 * c for n, c in likelihood.columns.items()}
     parts["rate_ramp"] = terms.rate_ramp**2 * spectrum.ramp_square
-    total = sum(parts.values())
+    total = np.maximum(sum(parts.values()), 1e-300)
     at = int(np.argmax(parts[name] / total))
+    share, symbol = parts[name][at] / total[at], TERMS[name].symbol
+    if share > 0.5:
+        return (
+            f"{symbol} shows below {spectrum.frequency[parts[name] > total / 2].max():.2g} Hz alone, where a "
+            "rest has few independent lines: four times as long halves the error"
+        )
     others = sorted((n for n in parts if n != name), key=lambda n: -parts[n][at])
-    rest_of_it = [f"{TERMS[n].symbol} {100 * parts[n][at] / total[at]:.0f} %" for n in others]
-    rest_of_it = [t for t in rest_of_it if not t.endswith(" 0 %")]
+    seen = [(n, 100 * parts[n][at] / total[at]) for n in others]
+    seen = ", ".join(f"{TERMS[n].symbol} {p:.0f} %" for n, p in seen if p >= 0.5)
     return (
-        f"{TERMS[name].symbol} is {100 * parts[name][at] / total[at]:.2g} % of the noise power where it "
-        f"stands out most, at {spectrum.frequency[at]:.2g} Hz"
-        + (f"; there {', '.join(rest_of_it)}" if rest_of_it else "")
+        f"{symbol} is {100 * share:.2g} % of the noise's power where it stands out most, at "
+        f"{spectrum.frequency[at]:.2g} Hz; {seen} of it hide {symbol} there"
     )
