@@ -115,7 +115,9 @@ def _rate(results: Entry, sensor: str) -> float:
         if of == (sensor, "static") and rate is not None:
             if not finite(rate) or rate <= 0:
                 raise InputError(
-                    Problem(entry.file, f"{entry.key}.rate_hz", f"{rate!r} is no rate", "give --rate")
+                    Problem(
+                        entry.file, f"{entry.key}.rate_hz", f"{rate!r} is no rate", "give --rate"
+                    )
                 )
             return float(rate)
     return RATE

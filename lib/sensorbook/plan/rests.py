@@ -8,6 +8,7 @@ chapters' own linearised adjustments: the length of gravity (B 17, 18; `calibrat
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -192,9 +193,7 @@ def _motions(u: np.ndarray, seconds: float, terms, accelerometer):
     accelerometer's parameters add to it (R, 3, K), one standard error each."""
     rng = np.random.default_rng(SEED)
     to_level = [_attitude(up, rng.uniform(0, 2 * np.pi)) for up in u]
-    turns = np.array(
-        [_vector(a.T @ b) for a, b in zip(to_level[:-1], to_level[1:], strict=True)]
-    )
+    turns = np.array([_vector(a.T @ b) for a, b in itertools.pairwise(to_level)])
     start, rest = _starts(len(u), seconds)
     moved = MOTION + LOST
     drift = 0.0
@@ -204,7 +203,7 @@ def _motions(u: np.ndarray, seconds: float, terms, accelerometer):
         three = covariance_of_means(when, np.array([rest[0], moved, rest[1]]), terms[a])
         less = np.array([-0.5, 1, -0.5])
         drift += moved**2 * (less @ three @ less) / 3
-    tilt = np.mean([_noise({a: accelerometer[k] for a in "xyz"}, len(u), seconds)[0].diagonal().mean()
+    tilt = np.mean([_noise(dict.fromkeys("xyz", accelerometer[k]), len(u), seconds)[0].diagonal().mean()
                     for k in "xyz"]) / STANDARD_GRAVITY**2  # fmt: skip
     own = np.full(len(turns), drift + 2 * tilt)
     root = np.linalg.cholesky(_of_lengths(accelerometer, u, seconds))

@@ -45,7 +45,9 @@ def rotation(
 ) -> Rotation:
     """What `seconds` of turning tell; `field` T, `surroundings` rms of the field's strength over it."""
     white = max(t.random_walk for t in terms.values()) / field
-    density = white**2 + surroundings**2 * ALIKE  # two-sided, of one reading's length over the field
+    density = (
+        white**2 + surroundings**2 * ALIKE
+    )  # two-sided, of one reading's length over the field
     u = even_directions()
     a = design(u, u, IDEAL)
     covariance = np.linalg.inv(a.T @ a / len(u)) * density / seconds
