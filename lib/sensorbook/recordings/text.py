@@ -58,7 +58,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
 def has_table(source: Source) -> bool:
     """True where the beginning is text with rows of numbers."""
     try:
-        return find_layout(_lines(_Text.of(source).head), []) is not None
+        return find_layout(_lines(_Text.of(source).head[: HEAD_BYTES // 4]), []) is not None
     except InputError:
         return False
 

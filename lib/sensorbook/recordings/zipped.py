@@ -72,8 +72,11 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     """Opens one member's table, such as "Gyroscope.csv"."""
     if _is_npz(source):
         return npz.open_table(source, table, wanted)
-    texts = _texts(source)
-    opened = text.open_table(texts[choose(source, table, list(texts), "file")], None, wanted)
+    named = [m for m in _members(source) if m.name == table and not m.head.startswith(_NESTED)]
+    if not named:
+        texts = _texts(source)
+        named = [texts[choose(source, table, list(texts), "file")]]
+    opened = text.open_table(named[0], None, wanted)
     opened.file = source.file
     return opened
 
