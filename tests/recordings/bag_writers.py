@@ -34,7 +34,9 @@ class Sent:
     frame: str = "imu_link"
 
 
-def imu(gyro, force, *, topic="/imu/data", stamp=BEGIN, received=None, attitude=None, **more) -> Sent:
+def imu(
+    gyro, force, *, topic="/imu/data", stamp=BEGIN, received=None, attitude=None, **more
+) -> Sent:
     """An Imu message; without `attitude` (x y z w) it says that it gives none."""
     fields = {
         "orientation": (0.0, 0.0, 0.0, 0.0) if attitude is None else attitude,
@@ -63,7 +65,9 @@ def temperature(value, *, topic="/imu/temperature", stamp=BEGIN, **more) -> Sent
 # ---- rosbags ----
 
 
-def _of_rosbags(store, sent: Sent):
+def of_rosbags(store, sent: Sent):
+    """The message as an object of a rosbags type store."""
+
     def built(value):
         if isinstance(value, float):
             return value
@@ -88,7 +92,7 @@ def ros1(path: Path, messages: Sequence[Sent], compression: str = "") -> None:
         there = {m.topic: m.type for m in messages}
         topics = {t: writer.add_connection(t, kind, typestore=ROS1) for t, kind in there.items()}
         for m in messages:
-            data = ROS1.serialize_ros1(_of_rosbags(ROS1, m), m.type)
+            data = ROS1.serialize_ros1(of_rosbags(ROS1, m), m.type)
             writer.write(topics[m.topic], m.received, data)
 
 
@@ -98,7 +102,7 @@ def ros2_folder(folder: Path, messages: Sequence[Sent], storage=StoragePlugin.SQ
         there = {m.topic: m.type for m in messages}
         topics = {t: writer.add_connection(t, kind, typestore=ROS2) for t, kind in there.items()}
         for m in messages:
-            data = ROS2.serialize_cdr(_of_rosbags(ROS2, m), m.type)
+            data = ROS2.serialize_cdr(of_rosbags(ROS2, m), m.type)
             writer.write(topics[m.topic], m.received, data)
 
 
@@ -127,7 +131,9 @@ def _plain(sent: Sent) -> dict:
     return {"header": header, **fields}
 
 
-def mcap_ros1(path: Path, messages: Sequence[Sent], compression=CompressionType.ZSTD, chunk=1 << 20):
+def mcap_ros1(
+    path: Path, messages: Sequence[Sent], compression=CompressionType.ZSTD, chunk=1 << 20
+):
     """An MCAP file of messages as ROS 1 encodes them."""
     types = {}
     with path.open("wb") as stream, McapRos1(stream, chunk, compression) as writer:
@@ -148,7 +154,9 @@ def mcap_ros1(path: Path, messages: Sequence[Sent], compression=CompressionType.
             writer.write_message(m.topic, made, log_time=m.received)
 
 
-def mcap_ros2(path: Path, messages: Sequence[Sent], compression=CompressionType.ZSTD, chunk=1 << 20):
+def mcap_ros2(
+    path: Path, messages: Sequence[Sent], compression=CompressionType.ZSTD, chunk=1 << 20
+):
     """An MCAP file of messages in CDR."""
     schemas = {}
     with path.open("wb") as stream, McapRos2(stream, chunk, compression) as writer:
@@ -159,7 +167,9 @@ def mcap_ros2(path: Path, messages: Sequence[Sent], compression=CompressionType.
             writer.write_message(m.topic, schemas[m.type], _plain(m), log_time=m.received)
 
 
-def mcap_of_bytes(path: Path, kind: str, encoding: str, payloads: Sequence[bytes], **options) -> None:
+def mcap_of_bytes(
+    path: Path, kind: str, encoding: str, payloads: Sequence[bytes], **options
+) -> None:
     """An MCAP file of one topic, "/imu", of any type, encoding and content."""
     with path.open("wb") as stream:
         writer = mcap.writer.Writer(stream, **options)

@@ -17,6 +17,7 @@ from sensorbook.recordings.ros_messages import ENCODINGS, LAYOUTS, LayoutError, 
 from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, extended, too_large
 
 _ROWS = 1 << 13  # messages decoded at one go
+_WANTED = f"record a topic of {', '.join(LAYOUTS)}"
 
 
 def table_names(source: Source) -> tuple[str, ...]:
@@ -73,21 +74,20 @@ def _chosen(source: Source, table: str | None) -> Topic:
     there = sorted(name for name, topic in found.items() if _is_readable(topic))
     if table in found and table not in there:
         topic = found[table]
-        what = (
-            f"is of type {topic.type[:80]} ({topic.encoding[:20]})" if topic.count else "is empty"
-        )
-        mend = f"name one of {', '.join(map(repr, there[:12]))}" if there else _wanted()
+        what = f"holds {_told(topic)}, which is not read" if topic.count else "holds no message"
+        mend = f"name one of {', '.join(map(repr, there[:12]))}" if there else _WANTED
         raise source.wrong(what, mend, f"table {table!r}")
     if not there:
-        others = ", ".join(f"{t.name[:40]} ({t.type[:60]})" for t in [*found.values()][:6])
-        raise source.wrong(
-            f"holds no readings of a sensor{': ' if others else ''}{others}", _wanted()
-        )
+        others = ", ".join(f"{t.name[:40]} ({_told(t)})" for t in [*found.values()][:6])
+        what = "holds no readings of a sensor"
+        raise source.wrong(f"{what}: {others}" if others else what, _WANTED)
     return found[choose(source, table, there, "topic")]
 
 
-def _wanted() -> str:
-    return f"record a topic of {', '.join(LAYOUTS)}"
+def _told(topic: Topic) -> str:
+    """Type of its messages, and their encoding where that is why they are not read."""
+    kind = topic.type[:80] or "no type"
+    return f"{kind} as {topic.encoding[:20]}" if topic.type in LAYOUTS else kind
 
 
 def _columns(source: Source, topic: Topic, indices: Sequence[int]) -> dict[int, np.ndarray]:

@@ -74,7 +74,7 @@ _HEADER = 16
 
 
 class LayoutError(ValueError):
-    """A message that is not of its type's layout; `row` is its 0-based index."""
+    """A message that is not of its type's layout; `row` is the 0-based index of the first."""
 
     def __init__(self, row: int):
         self.row = row
@@ -90,11 +90,10 @@ def decode(layout: Layout, encoding: str, payloads: Sequence[bytes]) -> list[np.
     lengths = np.fromiter(map(len, payloads), np.int64, len(payloads))
     stamp = np.empty(len(payloads), np.int64)
     numbers = np.empty((len(payloads), layout.doubles))
+    wrong = lengths < _HEADER + 8 * layout.doubles
     # The name of the frame may change, and the length of the message with it.
-    for length in np.unique(lengths):
+    for length in np.unique(lengths[~wrong]):
         rows = np.flatnonzero(lengths == length)
-        if length < _HEADER + 8 * layout.doubles:
-            raise LayoutError(int(rows[0]))
         raw = np.frombuffer(b"".join([payloads[row] for row in rows]), np.uint8)
         raw = raw.reshape(len(rows), length)
         order, known = "<", np.ones(len(rows), dtype=bool)
@@ -106,13 +105,14 @@ def decode(layout: Layout, encoding: str, payloads: Sequence[bytes]) -> list[np.
         if encoding == "cdr":  # doubles are aligned, counted from after its own four bytes
             size = 4 + (size + 3) // 8 * 8
         known &= size + 8 * layout.doubles == length
-        if not known.all():
-            raise LayoutError(int(rows[np.argmin(known)]))
+        wrong[rows] = ~known
         seconds = head[:, 1]
         if encoding == "cdr":  # signed there
             seconds = seconds.astype(np.int32).astype(np.int64)
         stamp[rows] = seconds * 1_000_000_000 + head[:, 2]
         numbers[rows] = raw[:, length - 8 * layout.doubles :].copy().view(order + "f8")
+    if wrong.any():
+        raise LayoutError(int(np.argmax(wrong)))
     for field in layout.fields:
         if field.covariance is not None:
             absent = numbers[:, field.covariance] == -1
