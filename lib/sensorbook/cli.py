@@ -66,13 +66,22 @@ def _report(arguments: argparse.Namespace) -> int:
         debug=arguments.debug,
         gated=arguments.gate,
         junit_file=arguments.junit,
+        force=arguments.force,
+        engine=arguments.engine,
+        cluster=arguments.cluster,
     )
 
 
 def _book(arguments: argparse.Namespace) -> int:
     from sensorbook.reporting.book import book
 
-    return book(arguments.paths, arguments.out, jobs=arguments.jobs, debug=arguments.debug)
+    return book(
+        arguments.paths,
+        arguments.out,
+        jobs=arguments.jobs,
+        debug=arguments.debug,
+        force=arguments.force,
+    )
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -252,8 +261,18 @@ def _parser() -> argparse.ArgumentParser:
         "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
     )
     report.add_argument("--only", nargs="+", metavar="CHAPTER", help="these chapters alone")
+    report.add_argument("--force", action="store_true", help="render what is up to date, too")
     report.add_argument(
-        "--force", action="store_true", help="render what is up to date, too (as every run does)"
+        "--engine",
+        choices=("warm", "kernel"),
+        default="warm",
+        help="warm: forks of one process; kernel: a Jupyter kernel a chapter, the reference, which"
+        " takes seconds more; default: warm",
+    )
+    report.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="render on the workers of a Dask cluster, such as tcp://10.0.0.1:8786",
     )
     report.add_argument(
         "--gate",
@@ -288,6 +307,8 @@ def _parser() -> argparse.ArgumentParser:
     book.add_argument(
         "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
     )
+
+    book.add_argument("--force", action="store_true", help="render what is up to date, too")
 
     check = command(
         "check",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 from collections.abc import Iterable
@@ -30,12 +31,35 @@ if TYPE_CHECKING:
 _LARGEST_DECLARATION = 1 << 20
 
 
+_held: dict[Path, Device] = {}
+
+
+def hold(path: str | Path) -> None:
+    """Reads a device with all its recordings, and has `load` give it from now on.
+
+    For processes that are about to be forked into several that read it: none of them need to.
+    """
+    with contextlib.suppress(InputError):
+        device = load(path)
+        for declared in device.declared:
+            if declared.sensor != "camera":
+                device._get(declared)
+        _held[_place(path)] = device
+
+
+def _place(path: str | Path) -> Path:
+    path = Path(path)
+    return (path.parent if path.name == FILE else path).resolve()
+
+
 def load(path: str | Path) -> Device:
     """The device in a folder (or of a `device.toml`), or what a bare recording file is guessed to hold.
 
     Raises `InputError` with every problem of the device as a whole. What is wrong with one recording
     is raised when that recording is read, so that the others remain usable; `check` gathers all.
     """
+    if held := _held and _held.get(_place(path)):
+        return held
     device, problems = _open(Path(path))
     if device is None or problems:
         raise InputError(*problems, *(device.problems if device else ()))

@@ -13,17 +13,20 @@ from typing import Any, TextIO
 
 import nbformat
 
-from sensorbook.reporting import chapters, execute, group, index, render
+import sensorbook
+from sensorbook.reporting import chapters, execute, group, index, keys, render, warm
 from sensorbook.reporting.chapters import Chapter
+from sensorbook.reporting.forks import Slots
 from sensorbook.reporting.tree import Tree
 from sensorbook.reporting.work import (
     KINDS,
     Said,
     Source,
     Task,
+    Worker,
     open_source,
     same_ids,
-    work_off,
+    told_of,
 )
 
 FOLDER = "book"
@@ -34,6 +37,7 @@ def book(
     out: str,
     jobs: int | None = None,
     debug: bool = False,
+    force: bool = False,
     stdout: TextIO | None = None,
     stderr: TextIO | None = None,
 ) -> int:
@@ -44,21 +48,26 @@ def book(
     what an earlier book had of it. A device with a problem has nothing rendered: an earlier book stands,
     rather than one without the chapters that the device would have fed.
     """
-    said = Said(stdout or sys.stdout, stderr or sys.stderr, debug)
+    said = Said(stdout or sys.stdout, stderr or sys.stderr)
     paths = list(paths)
     if _lies_in_device(out, paths, said):
         return 1
     opened = [open_source(Path(path), said) for path in paths]
     devices = [device for device in opened if device is not None]
-    if same_ids(devices, said) or said.problems:
+    if same_ids([(device.id, device.path) for device in devices], said) or said.problems:
         return 1
     try:
         with Tree(out) as tree:
             if any(tree.root / FOLDER == device.path for device in devices):
                 raise OSError(f"{tree.root / FOLDER} holds recordings: choose another --out")
-            _render(devices, tree, Path(out), jobs or os.cpu_count() or 1, said)
+            tree.tidy()
+            tree.folder(FOLDER)
+            with tree.locked(FOLDER, lambda: said.line("another run is writing the book: waiting")):
+                slots = Slots(jobs or os.cpu_count() or 1)
+                worker = Worker(tree, slots, 0, said, "warm", force, debug)
+                _render(devices, tree, Path(out), worker, said)
     except OSError as error:
-        said.problem(f"{error.filename}: {error.strerror}" if error.strerror else str(error))
+        said.problem(told_of(error))
     return int(bool(said.problems))
 
 
@@ -75,10 +84,11 @@ def _lies_in_device(out: str, paths: Iterable[str], said: Said) -> bool:
     return False
 
 
-def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said) -> None:
+def _render(devices: list[Source], tree: Tree, out: Path, worker: Worker, said: Said) -> None:
     """Renders every chapter, then what hangs on which of them have a page, also when stopped."""
     folder = tree.folder(FOLDER)
     tasks, unfed = [], {}
+    hashes = {device.id: keys.of_device(sensorbook.load(device.path)) for device in devices}
     earlier = _pages(folder)
     for number, chapter in enumerate(chapters.CHAPTERS, 1):
         place = {
@@ -96,10 +106,14 @@ def _render(devices: list[Source], tree: Tree, out: Path, jobs: int, said: Said)
             continue
         name = f"{FOLDER}/{chapter.slug}" + (f" on {source.id}" if source else "")
         name += f" {sensor}" if source and sensor != chapters.ATTITUDE else ""
-        tasks.append(Task(chapter, source, sensor, {}, folder, out / FOLDER, name, place))
-    said.total = len(tasks)
+        key = hashes[source.id] if source else ""
+        tasks.append(Task(chapter, source, sensor, {}, folder, out / FOLDER, name, key, place))
+    tasks = _with_needs(tasks)
+    said.more(len(tasks))
+    warm.warm_up([task.chapter.notebook for task in tasks])
+    render.warm_up()
     try:
-        work_off(_lines(tasks), tree, jobs, said)
+        worker.work_off(tasks)
     finally:
         for name in sorted(earlier - _pages(folder)):
             said.line(f"{out / FOLDER / name}: removed: it was of an earlier book")
@@ -115,11 +129,7 @@ def _pages(folder: Path) -> set[str]:
 
 def _bind(tasks: list[Task], unfed: dict[str, str], folder: Path, tree: Tree) -> None:
     """Links the pages that are there, in order, and writes the contents and what links those."""
-    turned = [
-        task
-        for task in tasks
-        if all((folder / f"{task.chapter.slug}.{kind}").is_file() for kind in KINDS)
-    ]
+    turned = [task for task in tasks if all(task.file(kind).is_file() for kind in KINDS)]
     for at, task in enumerate(turned):
         _turn(task, turned[at - 1] if at else None, turned[at + 1 :], tree)
     shown = {task.chapter.slug: task for task in tasks}
@@ -159,31 +169,29 @@ def _why_unfed(chapter: Chapter) -> str:
     return f'no device given has a recording of kind "{chapter.kind}" of the {listed}: name one that has'
 
 
-def _lines(tasks: list[Task]) -> list[list[Task]]:
-    """Tasks that are worked off one after the other: those of one sensor of one device.
+def _with_needs(tasks: list[Task]) -> list[Task]:
+    """The tasks with where the records lie that each may read.
 
-    A chapter may read the records of those that are shown on the same device and the sensor it needs
-    them of, and no others.
+    Those are of the chapters that are shown on the same device and the sensor it needs them of, and
+    no others.
     """
     shown = {(task.source.id, task.sensor, task.chapter.slug) for task in tasks if task.source}
-    lines: dict[Any, list[Task]] = {}
-    for task in tasks:
-        if task.source is None:
-            lines[task.chapter.slug] = [task]
-            continue
-        needs = {
-            slug: f"{slug}.json"
-            for sensor, slug in task.chapter.needed(task.sensor or "")
-            if (task.source.id, sensor, slug) in shown
-        }
-        line = lines.setdefault((task.source.id, task.sensor), [])
-        line.append(replace(task, needs=needs))
-    return list(lines.values())
+    return [
+        replace(
+            task,
+            needs={
+                slug: f"{slug}.json"
+                for sensor, slug in task.chapter.needed(task.sensor or "")
+                if task.source and (task.source.id, sensor, slug) in shown
+            },
+        )
+        for task in tasks
+    ]
 
 
 def _turn(task: Task, previous: Task | None, following: list[Task], tree: Tree) -> None:
     """Renders a page again, with links to the chapters before and after that have one."""
-    page, record, notebook = (task.folder / f"{task.chapter.slug}.{kind}" for kind in KINDS)
+    page, record, notebook = map(task.file, KINDS)
     neighbours = {
         "previous": previous and (previous.chapter.slug, previous.chapter.title),
         "next": (following[0].chapter.slug, following[0].chapter.title) if following else None,

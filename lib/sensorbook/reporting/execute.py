@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import contextlib
 import logging
 import os
 import signal
@@ -13,7 +12,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import nbformat
 import papermill
@@ -24,10 +23,15 @@ from papermill.execute import ERROR_MARKER_TAG
 
 import sensorbook
 from sensorbook.notebook import MIME
+from sensorbook.reporting import warm
 from sensorbook.reporting.chapters import Chapter
+from sensorbook.reporting.forks import Ended
 
 CELL_LIMIT = 600  # seconds a cell may take
 START_LIMIT = 120  # seconds a kernel may take to start, on a machine that is busy with others
+
+COPY = "executed.ipynb"
+DIED = "the chapter's kernel died, often for want of memory"
 
 # Threads of BLAS on small arrays cost ten times what they gain, and kernels run side by side.
 KERNEL_ENVIRONMENT = {
@@ -54,22 +58,37 @@ class Outcome:
     problems: tuple[str, ...] = ()
 
 
-def execute(
-    notebook: Path, parameters: dict[str, Any], folder: Path, aside: Path, shown_as: str
-) -> Outcome:
-    """Runs a notebook in a kernel whose working folder is `folder`.
+# papermill's names of the engines to choose from; None is its own, a kernel for each notebook.
+ENGINES = {"warm": warm.NAME, "kernel": None}
 
-    `aside` is a folder for papermill's own copy; `shown_as` is where the executed notebook will
-    lie, for the sentence about a fault.
+
+def execute(
+    notebook: Path,
+    parameters: dict[str, Any],
+    folder: Path,
+    aside: Path,
+    shown_as: str,
+    engine: str = "warm",
+) -> Outcome:
+    """Runs a notebook with `folder` as working folder.
+
+    The warm engine runs it in this process and leaves its traces there: to be called in a fork.
+
+    Parameters
+    ----------
+    notebook, parameters : the file, and what takes the place of its parameters
+    folder : where it works
+    aside : folder for papermill's own copy
+    shown_as : where the executed notebook will lie, for the sentence about a fault
+    engine : a key of `ENGINES`
     """
-    source = nbformat.read(notebook, as_version=4)
-    source.cells = [c for c in source.cells if "teaching" not in c.metadata.get("tags", [])]
+    source = _without_teaching(notebook)
     _check_parameters(source, parameters, notebook.name)
-    copy = aside / "executed.ipynb"
+    copy = aside / COPY
     see = f"executed notebook: {shown_as}"
     status, reason, problems = "failed", None, ()
     try:
-        _run(source, copy, parameters, folder)
+        _run(source, copy, parameters, folder, engine)
         status = "complete"
     except PapermillExecutionError as error:
         if error.ename == "Refusal":
@@ -81,9 +100,41 @@ def execute(
             kind = _named(error.ename, error.evalue)
             reason = f"the chapter stopped with {kind} (a fault in sensorbook; {see})"
     except DeadKernelError:
-        reason = f"the chapter's kernel died, often for want of memory ({see})"
+        reason = f"{DIED} ({see})"
     except CellTimeoutError:
-        reason = f"a cell took longer than {CELL_LIMIT} s and was stopped ({see})"
+        reason = f"{_too_long()} ({see})"
+    return _outcome(source, copy, status, reason, problems)
+
+
+def ended(notebook: Path, aside: Path, shown_as: str, how: Ended) -> Outcome:
+    """The outcome of a chapter whose process ended before it did."""
+    told = _too_long() if how.signal == signal.SIGALRM else DIED
+    return _outcome(
+        _without_teaching(notebook),
+        aside / COPY,
+        "failed",
+        f"{told} (executed notebook: {shown_as})",
+    )
+
+
+def _too_long() -> str:
+    return f"a cell took longer than {CELL_LIMIT} s and was stopped"
+
+
+def _without_teaching(notebook: Path) -> nbformat.NotebookNode:
+    source = nbformat.read(notebook, as_version=4)
+    source.cells = [c for c in source.cells if "teaching" not in c.metadata.get("tags", [])]
+    return source
+
+
+def _outcome(
+    source: nbformat.NotebookNode,
+    copy: Path,
+    status: str,
+    reason: str | None,
+    problems: tuple[str, ...] = (),
+) -> Outcome:
+    """The outcome with the notebook as far as it was executed."""
     executed = nbformat.read(copy, as_version=4) if copy.exists() else source
     executed.cells = [
         c for c in executed.cells if ERROR_MARKER_TAG not in c.metadata.get("tags", [])
@@ -164,70 +215,44 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def allow_kernels() -> None:
-    """Takes back an earlier `stop_kernels`."""
-    _Kernel.stopped = False
-
-
-def stop_kernels() -> None:
-    """Ends every running kernel at once and lets none start."""
-    _Kernel.stopped = True
-    for kernel in list(_Kernel.running):
-        kernel.end()
-
-
-def stopped() -> bool:
-    return _Kernel.stopped
-
-
 class _Kernel(AsyncKernelManager):
-    """The stock kernel with an environment of ours, known while it runs so that it can be ended."""
-
-    running: ClassVar[set[_Kernel]] = set()
-    stopped: ClassVar[bool] = False
+    """The stock kernel with an environment of ours."""
 
     async def start_kernel(self, **arguments: Any) -> None:
         arguments["env"] = {**os.environ, **KERNEL_ENVIRONMENT}
         # Not what cells print, which goes into the notebook: the kernel's own log.
         arguments["stderr"] = subprocess.DEVNULL
         await super().start_kernel(**arguments)
-        _Kernel.running.add(self)
-        if _Kernel.stopped:
-            self.end()
-
-    async def cleanup_resources(self, restart: bool = False) -> None:
-        _Kernel.running.discard(self)
-        await super().cleanup_resources(restart)
-
-    def end(self) -> None:
-        # Its process group: a kernel is started in a session of its own.
-        with contextlib.suppress(OSError, TypeError):
-            os.killpg(self.provisioner.pid, signal.SIGKILL)
 
 
 def _run(
-    source: nbformat.NotebookNode, copy: Path, parameters: dict[str, Any], folder: Path
+    source: nbformat.NotebookNode,
+    copy: Path,
+    parameters: dict[str, Any],
+    folder: Path,
+    engine: str,
 ) -> None:
+    output = str(copy).replace("{", "{{").replace("}", "}}")  # papermill fills it as a format
+    kernel = {"start_timeout": START_LIMIT, "kernel_manager_class": _Kernel}
     for attempts_left in (2, 1, 0):
         try:
             papermill.execute_notebook(
                 source,
-                # papermill fills braces in a path as a format.
-                str(copy).replace("{", "{{").replace("}", "}}"),
+                output,
                 parameters=parameters,
+                engine_name=ENGINES[engine],
                 kernel_name="python3",
                 language="python",
                 progress_bar=False,
-                start_timeout=START_LIMIT,
                 execution_timeout=CELL_LIMIT,
-                kernel_manager_class=_Kernel,
-                # papermill's own `cwd` moves the whole process, with all its threads.
-                resources={"metadata": {"path": str(folder)}},
-            )
+                cwd=str(folder),
+                **({"checkpoint": copy, "request_save_on_cell_execute": False}
+                   if engine == "warm" else kernel),
+            )  # fmt: skip
             return
         except RuntimeError as error:
             # A port that was free a moment ago may be taken when the kernel binds it.
-            if "before replying" not in str(error) or not attempts_left or _Kernel.stopped:
+            if "before replying" not in str(error) or not attempts_left:
                 raise
 
 

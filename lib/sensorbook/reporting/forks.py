@@ -6,19 +6,54 @@ or a call that hangs ends its fork alone.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import heapq
 import os
+import pickle
 import signal
 import sys
 from collections.abc import Callable
 from itertools import count
-from multiprocessing import connection, get_context
-from typing import Any
+from multiprocessing import connection, get_context, parent_process
+from multiprocessing.process import BaseProcess
+from typing import Any, NamedTuple
 
 import threadpoolctl
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_MOST = 1024  # slots: bytes that every pipe holds
+_PATIENCE = 5.0  # s, for a process to end its own forks
+
+Tell = Callable[[Any], None]
+
+
+class Slots:
+    """How many calls may be at work at once, over all processes forked from here.
+
+    A pipe that holds a byte for each, as GNU make's job server.
+    """
+
+    def __init__(self, number: int):
+        self._out, self._into = os.pipe()
+        os.set_blocking(self._out, False)
+        os.write(self._into, b"." * min(number, _MOST))
+
+    def fileno(self) -> int:
+        return self._out
+
+    def take(self) -> bool:
+        """Takes a slot; False where none is free."""
+        with contextlib.suppress(BlockingIOError):
+            return bool(os.read(self._out, 1))
+        return False
+
+    def give(self) -> None:
+        os.write(self._into, b".")
+
+    def close(self) -> None:
+        os.close(self._out)
+        os.close(self._into)
 
 
 class Ended:
@@ -33,74 +68,126 @@ class Ended:
         self.signal = -exitcode if exitcode is not None and exitcode < 0 else None
 
 
-class Forks:
-    """Calls to make, at most `jobs` at a time; what they give goes on to a function here.
+class _Running(NamedTuple):
+    process: BaseProcess
+    then: Callable[[Any], None]
+    heard: Callable[[Any], None]
+    took: bool  # a slot, which is to be given back
 
-    An exception of a call is raised again here, which ends all others.
+
+class Forks:
+    """Calls to make; what they give goes on to functions here.
+
+    Parameters
+    ----------
+    slots : which each needs one of
+    own : calls at a time that need none: 1 in a process that took a slot itself, and waits
+    nested : whether the calls have forks of their own, which they are then asked to end
     """
 
-    def __init__(self, jobs: int):
-        self.jobs = jobs
+    def __init__(self, slots: Slots, own: int = 0, nested: bool = False):
+        self._slots, self._own, self._nested = slots, own, nested
         self._context = get_context("fork")
-        self._waiting: list[tuple[Any, int, Callable, Callable]] = []
-        self._running: dict[connection.Connection, tuple[Any, Callable]] = {}
+        self._waiting: list[tuple[Any, int, tuple]] = []
+        self._running: dict[connection.Connection, _Running] = {}
         self._number = count()
 
-    def add(self, order: Any, call: Callable[[], Any], then: Callable[[Any], None]) -> None:
-        """Adds a call; of those that wait the one of the lowest `order` is made first."""
-        heapq.heappush(self._waiting, (order, next(self._number), call, then))
+    def add(
+        self,
+        order: Any,
+        call: Callable[[Tell], Any],
+        then: Callable[[Any], None],
+        heard: Callable[[Any], None] = lambda told: None,
+    ) -> None:
+        """Adds a call; of those that wait, the one of the lowest `order` is made first.
+
+        Parameters
+        ----------
+        call : made in the fork; takes a function that tells something before the end
+        then : gets what the call gives, or `Ended`; an exception of the call is raised by `run`
+        heard : gets what it tells on the way
+        """
+        heapq.heappush(self._waiting, (order, next(self._number), (call, then, heard)))
 
     def run(self) -> None:
-        """Makes all calls, and those that are added on the way."""
+        """Makes all calls, and those that are added on the way; when one raises, the others end."""
+        if parent_process() is not None:
+            signal.signal(signal.SIGTERM, _stop)
         try:
             while self._waiting or self._running:
-                while self._waiting and len(self._running) < self.jobs:
-                    self._start()
-                for ready in connection.wait(list(self._running)):
-                    self._end(ready)
+                while self._waiting and (slot := self._slot()) is not None:
+                    self._start(slot)
+                listened = [*self._running, *([self._slots] if self._waiting else [])]
+                for ready in connection.wait(listened):
+                    if ready is not self._slots:
+                        self._hear(ready)
         finally:
-            for process, _ in self._running.values():
-                process.kill()
-            for process, _ in self._running.values():
-                process.join()
-            self._running.clear()
+            self._waiting.clear()
+            for running in self._running.values():
+                running.process.terminate() if self._nested else running.process.kill()
+            for reader in list(self._running):
+                self._running[reader].process.join(_PATIENCE)
+                self._running[reader].process.kill()
+                self._reap(reader)
 
-    def _start(self) -> None:
-        _, _, call, then = heapq.heappop(self._waiting)
+    def _slot(self) -> bool | None:
+        """Whether a slot was taken for the next call; None where it must wait."""
+        if sum(not running.took for running in self._running.values()) < self._own:
+            return False
+        return True if self._slots.take() else None
+
+    def _start(self, took: bool) -> None:
+        _, _, (call, then, heard) = heapq.heappop(self._waiting)
         reader, writer = self._context.Pipe(duplex=False)
         process = self._context.Process(target=_answer, args=(call, writer, os.getpid()))
         process.start()
         writer.close()
-        self._running[reader] = process, then
+        self._running[reader] = _Running(process, then, heard, took)
 
-    def _end(self, reader: connection.Connection) -> None:
-        process, then = self._running[reader]
+    def _hear(self, reader: connection.Connection) -> None:
+        running = self._running[reader]
         try:
-            raised, given = reader.recv()
-        except EOFError:
-            process.join()
-            raised, given = False, Ended(process.exitcode)
-        process.join()
-        del self._running[reader]
-        reader.close()
-        if raised:
+            what, given = reader.recv()
+        except (EOFError, ConnectionError):
+            running.process.join()
+            what, given = "gave", Ended(running.process.exitcode)
+        if what == "told":
+            running.heard(given)
+            return
+        self._reap(reader)
+        if what == "raised":
             raise given
-        then(given)
+        running.then(given)
+
+    def _reap(self, reader: connection.Connection) -> None:
+        running = self._running.pop(reader)
+        running.process.join()
+        running.process.close()
+        reader.close()
+        if running.took:
+            self._slots.give()
 
 
-def _answer(call: Callable[[], Any], writer: connection.Connection, parent: int) -> None:
-    """In the fork: makes the call and sends what it gives or raises."""
-    # An interrupt from the keyboard reaches all processes at once; the first ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+def _answer(call: Callable[[Tell], Any], writer: connection.Connection, parent: int) -> None:
+    """In the fork: makes the call and sends what it tells, and what it gives or raises."""
+    os.setpgid(
+        0, 0
+    )  # an interrupt from the keyboard is for the first process, which ends the others
     _die_with(parent)
     # Threads of BLAS on small arrays cost ten times what they gain, and calls run side by side.
     threadpoolctl.threadpool_limits(1)
     try:
-        answer = False, call()
+        answer = "gave", call(lambda told: writer.send(("told", told)))
     except Exception as error:
-        answer = True, error
-    writer.send(answer)
+        answer = "raised", error
+    try:
+        writer.send(answer)
+    except (pickle.PicklingError, TypeError, AttributeError):
+        writer.send(("raised", RuntimeError(repr(answer[1]))))
+
+
+def _stop(*_: Any) -> None:
+    raise SystemExit(1)  # so that forks of this fork are ended, too
 
 
 def _die_with(parent: int) -> None:
@@ -114,7 +201,11 @@ def _die_with(parent: int) -> None:
 def apart(call: Callable[[], Any]) -> Any:
     """What a call gives when it is made in a fork of its own."""
     given: list[Any] = []
-    forks = Forks(1)
-    forks.add(0, call, given.append)
-    forks.run()
+    slots = Slots(1)
+    try:
+        forks = Forks(slots)
+        forks.add(0, lambda tell: call(), given.append)
+        forks.run()
+    finally:
+        slots.close()
     return given[0]

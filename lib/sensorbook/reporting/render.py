@@ -113,6 +113,13 @@ def _refused(cell: nbformat.NotebookNode) -> bool:
     return any(o.output_type == "error" for o in cell.get("outputs", ()))
 
 
+def warm_up() -> None:
+    """Makes what the first page in a process has to make, so that its forks have it."""
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# $N$\n\n**a** |b|")])
+    _exporter().from_notebook_node(notebook)
+    environment().get_template("chapter.html.j2")
+
+
 _thread = threading.local()
 
 

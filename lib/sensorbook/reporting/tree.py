@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
 import shutil
 import socket
 import tempfile
 import uuid
+from collections.abc import Callable, Iterator
+from functools import cached_property
 from pathlib import Path
 
 
@@ -16,18 +20,43 @@ class Tree:
     def __init__(self, out: str | Path):
         self.root = Path(out).resolve()
         self.root.mkdir(parents=True, exist_ok=True)
-        mine = f".partial-{socket.gethostname()}-"
-        for stale in self.root.glob(f"{mine}*"):
-            process = stale.name.removeprefix(mine).split("-")[0]
-            if process.isdigit() and not _is_running(int(process)):
-                shutil.rmtree(stale, ignore_errors=True)
-        self.aside = Path(tempfile.mkdtemp(prefix=f"{mine}{os.getpid()}-", dir=self.root))
 
     def __enter__(self) -> Tree:
         return self
 
     def __exit__(self, *_: object) -> None:
-        shutil.rmtree(self.aside, ignore_errors=True)
+        if "aside" in vars(self):
+            shutil.rmtree(self.aside, ignore_errors=True)
+
+    @cached_property
+    def aside(self) -> Path:
+        """A folder of this process's, which goes when the tree is closed."""
+        return Path(tempfile.mkdtemp(prefix=f"{_prefix()}{os.getpid()}-", dir=self.root))
+
+    def tidy(self) -> None:
+        """Removes what processes of this machine left aside that were ended before they could."""
+        for stale in self.root.glob(f"{_prefix()}*"):
+            process = stale.name.removeprefix(_prefix()).split("-")[0]
+            if process.isdigit() and not _is_running(int(process)):
+                shutil.rmtree(stale, ignore_errors=True)
+
+    @contextlib.contextmanager
+    def locked(self, name: str, waits: Callable[[], None] = lambda: None) -> Iterator[None]:
+        """Holds a folder of the tree against other runs; `waits` is called where one holds it now.
+
+        A file system that cannot lock a folder, as NFS, lets both go on: files are whole all the same.
+        """
+        place = os.open(self.root / name, os.O_RDONLY)
+        try:
+            with contextlib.suppress(OSError):
+                try:
+                    fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    waits()
+                    fcntl.flock(place, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(place)
 
     def folder(self, *parts: str) -> Path:
         """A subfolder, made when missing; a link to elsewhere is refused."""
@@ -42,6 +71,10 @@ class Tree:
         name = self.aside / uuid.uuid4().hex
         name.write_text(text, encoding="utf-8", errors="backslashreplace")
         os.replace(name, path)
+
+
+def _prefix() -> str:
+    return f".partial-{socket.gethostname()}-"
 
 
 def _is_running(process: int) -> bool:

@@ -17,6 +17,7 @@ import os
 import random
 import signal
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -39,18 +40,28 @@ class WarmEngine(Engine):
 
     @classmethod
     def execute_managed_notebook(
-        cls, nb_man: Any, kernel_name: str, execution_timeout: int = 0, **_: Any
+        cls,
+        nb_man: Any,
+        kernel_name: str,
+        execution_timeout: int = 0,
+        checkpoint: Path | None = None,
+        **_: Any,
     ) -> None:
         """Runs the cells up to the first that raises.
 
         A cell that takes longer than `execution_timeout` seconds ends this process with SIGALRM,
-        whatever it does: nothing in Python can stop a loop in C.
+        whatever it does: nothing in Python can stop a loop in C. What was shown up to then stands in
+        `checkpoint`, but for the last second.
         """
         _as_a_kernel_starts()
         shell = _Shell.instance(config=_CONFIG)
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        saved = 0.0
         for index, cell in enumerate(nb_man.nb.cells):
             nb_man.cell_start(cell, index)
+            if checkpoint and time.monotonic() - saved > 1:  # writing takes long beside most cells
+                nbformat.write(nb_man.nb, checkpoint)
+                saved = time.monotonic()
             if cell.cell_type == "code" and cell.source.strip():
                 signal.alarm(execution_timeout)
                 completed = shell.run(cell)

@@ -3,31 +3,39 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import tempfile
-import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-import nbformat
 import tomli
 
 import sensorbook
 from sensorbook.errors import InputError
-from sensorbook.guessing import guess_rows, told
+from sensorbook.guessing import device_id, guess_rows, told
+from sensorbook.recordings.bags import storage_file
 from sensorbook.recordings.checks import RESERVED_IDS
-from sensorbook.reporting import execute, render, results
+from sensorbook.reporting import keys, results
 from sensorbook.reporting.chapters import ATTITUDE, Chapter
+from sensorbook.reporting.forks import Ended, Forks, Slots
 from sensorbook.reporting.tree import Tree
 
+if TYPE_CHECKING:
+    from sensorbook.reporting.execute import Outcome
+
+# papermill, nbconvert and what they bring are imported where a chapter is rendered: a run that finds
+# everything up to date needs none of it.
+
 KINDS = ("html", "json", "ipynb")  # a chapter's page, record and executed notebook
+LEFT_FROM = 15.0  # s; for less nobody needs to know how long
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)
@@ -52,32 +60,64 @@ class Source:
 class Said:
     """What the user is told: progress on one stream, each problem once on the other."""
 
-    def __init__(self, stdout: TextIO, stderr: TextIO, debug: bool):
-        self.stdout, self.stderr, self.debug = stdout, stderr, debug
+    def __init__(self, stdout: TextIO, stderr: TextIO):
+        self.stdout, self.stderr = stdout, stderr
         self.problems: list[str] = []
         self.total = self.done = 0
-        self.seconds: dict[tuple[str, str, str], float] = {}  # by device, sensor, chapter
-        self._lock = threading.Lock()
+        self._began: float | None = None
+        self._rendered = 0
 
     def line(self, text: str) -> None:
         print(text, file=self.stdout, flush=True)
 
     def problem(self, text: str) -> None:
-        with self._lock:
-            if text not in self.problems:
-                self.problems.append(text)
-                print(text, file=self.stderr, flush=True)
+        if text not in self.problems:
+            self.problems.append(text)
+            print(text, file=self.stderr, flush=True)
 
-    def chapter(self, task: Task, status: str, seconds: float) -> None:
-        with self._lock:
-            if task.source is not None:
-                self.seconds[task.source.id, task.sensor or "", task.chapter.slug] = seconds
-            self.done += 1
-            self.line(f"[{self.done}/{self.total}] {task.name}: {status}, {seconds:.1f} s")
+    def trace(self, text: str) -> None:
+        print(text, file=self.stderr, end="", flush=True)
+
+    def more(self, number: int) -> None:
+        """That so many more steps are to be done than was known."""
+        self.total += number
+
+    def step(self, name: str, status: str, seconds: float | None) -> None:
+        """How a step ended, and where it is known how long the others may take."""
+        self.done += 1
+        text = f"[{self.done}/{self.total}] {name}: {status}"
+        if seconds is not None:
+            text += f", {seconds:.1f} s"
+            self._began = self._began or time.monotonic() - seconds
+            self._rendered += 1
+            left = (time.monotonic() - self._began) / self._rendered * (self.total - self.done)
+            if self._rendered > 1 and left > LEFT_FROM:
+                text += f", about {_duration(left)} left"
+        self.line(text)
+
+
+def told_of(error: OSError) -> str:
+    """A line for what could not be read or written."""
+    line = f"{error.filename}: {error.strerror}" if error.strerror else str(error)
+    if error.errno in FULL:
+        line += " — free some and run it again: what is finished is not rendered anew"
+    return line
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{max(10, round(seconds, -1)):.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def open_source(path: Path, said: Said) -> Source | None:
     """The device in a folder; None, said why, where there is none that could have a report."""
+    try:
+        if not (path / "device.toml").is_file():
+            path = storage_file(path) or path
+    except InputError as error:
+        said.problem(str(error))
+        return None
     bare = path.is_file() and path.name != "device.toml"
     declaration = path if path.name == "device.toml" else path / "device.toml"
     if not bare and not declaration.is_file():
@@ -125,30 +165,25 @@ def _declared_id(declaration: Path) -> tuple[str, bool]:
     return "", parsed
 
 
-def same_ids(sources: list[Source], said: Said) -> bool:
-    """Whether two sources have one id, which is told."""
-    for source in sources:
-        same = [str(other.path) for other in sources if other.id == source.id]
-        if len(same) > 1:
-            said.problem(f'{" and ".join(same)} have the same id "{source.id}": give each its own')
+def glance(path: Path) -> str:
+    """The id that the device in a folder or a recording will have; "" where that cannot be told yet."""
+    if path.is_file() and path.name != "device.toml":
+        return device_id(path.name.split(".")[0])
+    return _declared_id(path if path.name == "device.toml" else path / "device.toml")[0]
+
+
+def same_ids(named: Sequence[tuple[str, Path]], said: Said) -> bool:
+    """Whether two devices, each an id and where it is, have one id, which is told."""
+    first: dict[str, Path] = {}
+    for name, path in named:
+        if name and first.setdefault(name, path) is not path:
+            same = " and ".join(str(p.resolve()) for n, p in named if n == name)
+            said.problem(f'{same} have the same id "{name}": give each its own')
             return True
     return False
 
 
-def _side_by_side(calls: Iterable[Callable[[], None]], jobs: int) -> None:
-    """Makes all calls, `jobs` at a time; when one raises, or on an interrupt, every kernel ends."""
-    execute.allow_kernels()
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
-        try:
-            for done in [pool.submit(call) for call in calls]:
-                done.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            execute.stop_kernels()
-            raise
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Task:
     """One chapter to execute and render.
 
@@ -161,6 +196,7 @@ class Task:
     folder : where its files go, and its kernel works
     shown_in : the same folder as the user named it
     name : what it is called in messages
+    key_of_device : hash of what the device's files hold; "" where that is not known
     book : its place in the book, as `render.chapter_page` takes it; None in a device's report
     """
 
@@ -171,80 +207,187 @@ class Task:
     folder: Path
     shown_in: Path
     name: str
+    key_of_device: str = ""
     book: dict[str, Any] | None = None
 
+    def file(self, kind: str) -> Path:
+        """Where one of the chapter's files goes, of `KINDS`."""
+        return self.folder / f"{self.chapter.slug}.{kind}"
 
-def work_off(lines: Sequence[Sequence[Task]], tree: Tree, jobs: int, said: Said) -> None:
-    """Works off lines of tasks side by side, `jobs` at a time; a line is of one sensor of one device.
+    def reads(self) -> list[Path]:
+        """Where the records are, or would be, that it reads."""
+        return [Path(os.path.normpath(self.folder / path)) for path in self.needs.values()]
 
-    Those over several sensors come after all the others, whose records they read.
+    def parameters(self) -> dict[str, str]:
+        """What the notebook is given; nothing where it needs no device."""
+        if self.source is None:
+            return {}
+        # Relative to the notebook's own folder, so that it runs again from there.
+        given = {"device": os.path.relpath(self.source.path, self.folder)}
+        if self.sensor != ATTITUDE:
+            given["sensor"] = self.sensor or ""
+        for _, slug in self.chapter.needed(self.sensor or ""):
+            # A refused chapter's record, too: this one says why it goes on without.
+            path = self.needs.get(slug, "")
+            given[f"{slug}_record"] = path if path and (self.folder / path).is_file() else ""
+        return given
+
+    def key(self, parameters: dict[str, str]) -> str:
+        """Hash of all that its files hang on."""
+        return keys.of(
+            keys.of_software(),
+            keys.of_file(self.chapter.notebook),
+            self.key_of_device,
+            parameters,
+            [keys.in_record(path) for path in self.reads()],
+            self.sensor,
+            self.chapter.title,
+            self.source and self.source.about,
+            self.book,
+        )
+
+    def is_current(self, parameters: dict[str, str]) -> bool:
+        """Whether its files are there, of an earlier run that would give the same now."""
+        there = all(self.file(kind).is_file() for kind in KINDS)
+        known = self.source is None or bool(self.key_of_device)
+        return there and known and keys.in_record(self.file("json")) == self.key(parameters)
+
+
+class Worker:
+    """Works off chapters side by side, each as soon as those are done whose records it reads.
+
+    Parameters
+    ----------
+    tree, slots, said : where they are written, how many at once, and who is told
+    engine : "warm" or "kernel"
+    force : render what is up to date, too
+    debug : tell where a fault is
     """
-    for over_several in (False, True):
-        now = [
-            partial(_work_off, line, tree, said)
-            for line in lines
-            if any(task.sensor == ATTITUDE for task in line) is over_several
-        ]
-        _side_by_side(now, jobs)
 
+    def __init__(
+        self, tree: Tree, slots: Slots, own: int, said: Any, engine: str, force: bool, debug: bool
+    ):
+        self._tree, self._slots, self._own, self._said = tree, slots, own, said
+        self._engine, self._force, self._debug = engine, force, debug
+        self.seconds: dict[tuple[str | None, str], float] = {}  # by sensor and chapter
 
-def _work_off(tasks: Iterable[Task], tree: Tree, said: Said) -> None:
-    """Works off chapters in order: later ones read the records of earlier."""
-    for task in tasks:
-        began = time.monotonic()
-        status = _run_chapter(task, tree, said)
-        if execute.stopped():
+    def work_off(self, tasks: Sequence[Task]) -> None:
+        """Works off all tasks, the earlier first where there is a choice."""
+        self._forks = Forks(self._slots, self._own)
+        makers = {task.file("json"): task for task in tasks}
+        self._lacking = {
+            task: {makers[need] for need in task.reads() if need in makers} for task in tasks
+        }
+        self._order = {task: number for number, task in enumerate(tasks)}
+        self._start_ready()
+        self._forks.run()
+
+    def _start_ready(self) -> None:
+        ready = [task for task, lacking in self._lacking.items() if not lacking]
+        for task in ready:
+            del self._lacking[task]
+        for task in ready:
+            self._start(task)
+
+    def _start(self, task: Task) -> None:
+        parameters = task.parameters()
+        if not self._force and task.is_current(parameters):
+            self._said.step(task.name, "unchanged", None)
+            self._done(task)
             return
-        said.chapter(task, status, time.monotonic() - began)
+        # Made here: where the fork dies, what it left there tells how far it came.
+        aside = Path(tempfile.mkdtemp(dir=self._tree.aside))
+        began: list[float] = []
+
+        def ended(given: _Done | Ended) -> None:
+            done = given
+            if isinstance(given, Ended):
+                from sensorbook.reporting import execute
+
+                seen = str(task.shown_in / task.file("ipynb").name)
+                outcome = execute.ended(task.chapter.notebook, aside, seen, given)
+                done = _put(task, self._tree, outcome)
+            self.seconds[task.sensor, task.chapter.slug] = time.monotonic() - began[0]
+            for text in done.traces:
+                self._said.trace(text)
+            for text in done.problems:
+                self._said.problem(text)
+            self._said.step(task.name, done.status, time.monotonic() - began[0])
+            self._done(task)
+
+        call = partial(_run_chapter, task, parameters, self._tree, aside, self._engine, self._debug)
+        self._forks.add(self._order[task], call, ended, lambda told: began.append(time.monotonic()))
+
+    def _done(self, task: Task) -> None:
+        for lacking in self._lacking.values():
+            lacking.discard(task)
+        self._start_ready()
 
 
-def _parameters(task: Task) -> dict[str, str]:
-    """What the notebook is given; nothing where it needs no device."""
-    if task.source is None:
-        return {}
-    # Relative to the notebook's own folder, so that it runs again from there.
-    device = os.path.relpath(task.source.path, task.folder)
-    given = {"device": device}
-    if task.sensor != ATTITUDE:
-        given["sensor"] = task.sensor or ""
-    for _, slug in task.chapter.needed(task.sensor or ""):
-        # A refused chapter's record, too: this one says why it goes on without.
-        path = task.needs.get(slug, "")
-        given[f"{slug}_record"] = path if path and (task.folder / path).is_file() else ""
-    return given
+@dataclass(frozen=True)
+class _Done:
+    """How a chapter ended, and what is to be told of it."""
+
+    status: str
+    problems: tuple[str, ...] = ()
+    traces: tuple[str, ...] = ()
 
 
-def _run_chapter(task: Task, tree: Tree, said: Said) -> str:
-    """Executes and renders one chapter and puts its files in place; returns its status."""
+def _run_chapter(
+    task: Task,
+    parameters: dict[str, str],
+    tree: Tree,
+    aside: Path,
+    engine: str,
+    debug: bool,
+    tell: Any,
+) -> _Done:
+    """Executes and renders one chapter and puts its files in place."""
+    from sensorbook.reporting import execute, render
+
+    tell("began")
     chapter, source = task.chapter, task.source
-    page, record_file, notebook = (task.folder / f"{chapter.slug}.{kind}" for kind in KINDS)
-    html = text = ""
+    record, html, traces = None, "", []
     try:
-        with tempfile.TemporaryDirectory(dir=tree.aside) as aside:
-            shown_as = str(task.shown_in / notebook.name)
-            outcome = execute.execute(
-                chapter.notebook, _parameters(task), task.folder, Path(aside), shown_as
-            )
+        shown_as = str(task.shown_in / task.file("ipynb").name)
+        outcome = execute.execute(
+            chapter.notebook, parameters, task.folder, aside, shown_as, engine=engine
+        )
         if outcome.status != "failed":
             about = source and source.about
             record = execute.record_of(outcome, chapter, task.sensor, about)
-            text = results.dumps(record)
+            record["key"] = task.key(parameters)
             html = render.chapter_page(outcome.notebook, record, task.book)
     except Exception as error:
-        if said.debug:
-            traceback.print_exc(file=said.stderr)
-        outcome = execute.fault(chapter.notebook, error)
-    if execute.stopped():
-        return "stopped"  # what ended it says nothing about the recordings
-    if outcome.status == "failed":
-        page.unlink(missing_ok=True)
-        record_file.unlink(missing_ok=True)
-        for problem in outcome.problems:
-            said.problem(f"{source.id if source else task.name}: {problem}")
-        if not outcome.problems:
-            said.problem(f"{task.name}: {outcome.reason}")
-    tree.write(notebook, nbformat.writes(outcome.notebook))
-    if outcome.status != "failed":
-        tree.write(page, html)
-        tree.write(record_file, text)
-    return outcome.status
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise  # no fault of the chapter, and the next would find the same
+        if debug:
+            traces.append(traceback.format_exc())
+        outcome, record = execute.fault(chapter.notebook, error), None
+    done = _put(task, tree, outcome, record, html)
+    return _Done(done.status, done.problems, tuple(traces))
+
+
+def _put(
+    task: Task,
+    tree: Tree,
+    outcome: Outcome,
+    record: dict[str, Any] | None = None,
+    html: str = "",
+) -> _Done:
+    """Puts a chapter's files in place, the record last: while it is missing the others do not count."""
+    import nbformat
+
+    text = record and results.dumps(record)
+    notebook = nbformat.writes(outcome.notebook)
+    task.file("json").unlink(missing_ok=True)
+    if record is None:
+        task.file("html").unlink(missing_ok=True)
+    tree.write(task.file("ipynb"), notebook)
+    if text is not None:
+        tree.write(task.file("html"), html)
+        tree.write(task.file("json"), text)
+        return _Done(outcome.status)
+    named = task.source.id if task.source else task.name
+    told = [f"{named}: {problem}" for problem in outcome.problems]
+    return _Done(outcome.status, tuple(told or [f"{task.name}: {outcome.reason}"]))
