@@ -75,8 +75,10 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
     time, start, rate = _time_base(clock, declaration.get("rate"), len(values))
     if clock is not None and rate is None:
         where = f"column {columns['time']!r}"
-        raise InputError(Problem(table.file, where, "the time does not advance",
-                                 "name the column that holds the time, or give the rate"))  # fmt: skip
+        mend = "name the column that holds the time, or give the rate"
+        if "received" in table.names and columns["time"] != "received":  # ROS, its stamps not set
+            mend = 'take the time of receipt, time = "received", or give the rate'
+        raise InputError(Problem(table.file, where, "the time does not advance", mend))
     if temperature is not None:
         temperature = to_si(temperature, declaration.get("temperature_unit", "degC"), "degC")
         temperature[~np.isfinite(temperature)] = np.nan

@@ -6,6 +6,7 @@ Rows stand in the order in which they were received; nothing is sorted by the st
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -32,21 +33,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     """
     topic = _chosen(source, table)
     layout = LAYOUTS[topic.type]
-    names = layout.names
-    held: dict[int, np.ndarray] = {}
-
-    def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
-        if not set(indices) <= held.keys():
-            held.update(_columns(source, topic, indices))
-        stamp = names.index("stamp")
-        # Kept then: whoever goes on without the stamp asks for the others again.
-        if stamp in indices and not held[stamp].any():
-            raise source.wrong("is zero in every message: the driver has not set header.stamp",
-                               'take the time of receipt: time = "received"',
-                               "column 'stamp'")  # fmt: skip
-        return {index: held.pop(index) for index in indices}
-
-    return Table(source.file, names, read, units=layout.units)
+    return Table(source.file, layout.names, partial(_columns, source, topic), units=layout.units)
 
 
 def storage_file(folder: Path) -> Path | None:
