@@ -123,6 +123,8 @@ def overview(
             lines += [f"  not planned: {problem}" for problem in error.problems]
         else:
             lines += [made.title, f"  {made.do[0]}"]
+            if not made.reached:
+                lines.append(f"  {made.notes[0]}")
     if len(problems) == len(OVERVIEW):
         raise problems[0]
     yield from lines

@@ -51,7 +51,7 @@ def static_plan(asked: Asked) -> Plan:
     hours = [h * 3600.0 for h in (1, 8, 24, 168)]
     grows = [static.rest(worst, name, s, levels.rate) for s in hours]
     notes = [
-        f"{TERMS[name].symbol} by length of the rest, 95 %: "
+        f"{TERMS[name].symbol} on {alike[worst]} by length of the rest, 95 %: "
         + ", ".join(
             f"{duration(r.seconds)} "
             + (f"± {number(100 * HALF * r.std, 2)} %" if r.stated else "bounded only")
@@ -71,7 +71,11 @@ def static_plan(asked: Asked) -> Plan:
         (f"{long}.", "Let it warm up for an hour first; declare it as kind static."),
         tuple(rows),
         tuple(notes),
-        (noise_in_words(levels), NOISE_ASSUMED, f"white to half the rate of {rate(levels.rate)}"),
+        (
+            noise_in_words(levels),
+            NOISE_ASSUMED,
+            f"white to half the rate of {rate(levels.rate)}; behind a low-pass N is known less well",
+        ),
         "Cramér–Rao bound of the cosine lines' likelihood (methods A6; Whittle 1953); stated "
         "where 95 % of "
         "such records show the term, as chapter 4 asks",

@@ -57,10 +57,10 @@ def expected_spectrum(terms: NoiseTerms, samples: int, rate: float) -> CosineSpe
     flicker = flicker_lines(middle)
     density = terms.spectrum(frequency, 1 / rate)
     density = density + terms.bias_instability**2 / w * (flicker - 1)
-    # A ramp has odd lines alone: of a bin of many the half of them.
+    odd = ((first + lines) // 2 - first // 2) / lines  # a ramp has no others
     half = np.pi * middle / (2 * samples)
     ramp = 2 / samples / rate**3 * (np.cos(half) / (2 * np.sin(half) ** 2)) ** 2
-    ramp = ramp * np.where(lines == 1, first % 2, 0.5)
+    ramp = ramp * odd
     return CosineSpectrum(
         frequency=frequency,
         density=(density + terms.rate_ramp**2 * ramp)[:, None],
