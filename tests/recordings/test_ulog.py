@@ -263,6 +263,23 @@ def test_increments_alone_are_no_sensor(write):
         guess_files([path])
 
 
+def test_what_is_filtered_in_flight_is_no_reading(write):
+    written = topics()
+    fields = "uint64_t timestamp;float[3] xyz;"
+    columns = {"timestamp": written["sensor_combined"][3]["timestamp"],
+               "xyz": written["sensor_combined"][3]["gyro_rad"]}  # fmt: skip
+    filtered = ("vehicle_angular_velocity", 0, fields, columns)
+    assert table_names(write(filtered, written["sensor_gyro"])) == ("sensor_gyro",)
+    path = write(filtered)
+    with pytest.raises(
+        InputError, match="holds what PX4 has corrected and filtered in flight, not a"
+    ):
+        guess_files([path])
+    table = open_table(path, table="vehicle_angular_velocity")
+    assert table.units == ("us", "rad/s", "rad/s", "rad/s")
+    np.testing.assert_array_equal(table.column("xyz[1]"), columns["xyz"][:, 1])
+
+
 def test_the_estimated_attitude_serves_as_a_reference_where_it_is_declared(write, tmp_path):
     turned = np.array([0.5, -0.5, 0.1, 0.7])  # w, x, y, z
     stamps = 1_000_000 + 10_000 * np.arange(200)

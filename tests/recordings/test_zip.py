@@ -259,9 +259,10 @@ def test_other_archives(pack):
     assert said_of(pack(excel, "log.xlsx")) == (
         "log.xlsx: is an Excel file: format not supported yet — save it as .csv"
     )
-    assert said_of(pack({"readme.md": "# Nothing\n"})) == (
-        "phone.zip: holds no files of samples — name another file"
-    )
+    for others in ({"readme.md": "# Nothing\n"}, {"phone.db": b"SQLite format 3\0" + bytes(84)}):
+        assert said_of(pack(others)) == (
+            "phone.zip: holds no text with rows of numbers — unpack it, and name the recordings"
+        )
     assert said_of(pack({"a.csv": rows()}, method=zipfile.ZIP_LZMA)) == (
         "phone.zip: holds a file packed by another method than deflate, 'a.csv' — unpack it, and name the "
         "recordings"

@@ -26,6 +26,9 @@ from sensorbook.recordings.tables import Table, open_table, table_names
 
 FEWEST = 100  # samples of a recording
 
+# PX4's topics that stand beside those of the sensors themselves.
+_FILTERED = {"vehicle_angular_velocity", "vehicle_acceleration", "vehicle_magnetometer"}
+
 _NAME_MEND = "name its columns in a header, such as t, gx, gy, gz, ax, ay, az, or write device.toml"
 
 
@@ -132,6 +135,8 @@ def _derived(one: _Opened) -> str:
     words = set(words_of(one.told or Path(one.file).stem))
     if "gravity" in words:
         return "gravity as it is computed, not a reading"
+    if one.told.partition(":")[0] in _FILTERED:
+        return "what PX4 has corrected and filtered in flight, not a reading"
     words |= {w for t in one.triples for c in t.columns for w in words_of(c.name)}
     if words & {"linear", "user"} and words & {"acceleration", "accelerometer", "acc", "accel"}:
         unit = next((_unit(t, one.clock) for t in one.triples if t.sensor == "accelerometer"), None)

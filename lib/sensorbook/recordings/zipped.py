@@ -74,7 +74,9 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
         return npz.open_table(source, table, wanted)
     named = [m for m in _members(source) if m.name == table and not m.head.startswith(_NESTED)]
     if not named:
-        texts = _texts(source)
+        if not (texts := _texts(source)):
+            raise source.wrong("holds no text with rows of numbers",
+                               "unpack it, and name the recordings")  # fmt: skip
         named = [texts[choose(source, table, list(texts), "file")]]
     opened = text.open_table(named[0], None, wanted)
     opened.file = source.file
