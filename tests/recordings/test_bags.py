@@ -434,6 +434,15 @@ def test_chunks_that_swell_or_are_compressed_otherwise(tmp_path, monkeypatch, re
         assert bag_files._inflated(source, name, compress(b"as it was")) == b"as it was"
         with pytest.raises(InputError, match="holds chunks that inflate more than 150 times"):
             bag_files._inflated(source, name, compress(swollen))
+    monkeypatch.setattr(bag_files, "_BOMB", 1 << 16)
+    zeros = [imu((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))] * 2500
+    bag_writers.ros1(tmp_path / "swollen.bag", zeros, "BZ2")
+    bag_writers.mcap_ros2(tmp_path / "swollen.mcap", zeros)
+    for name in ("swollen.bag", "swollen.mcap"):
+        assert refused(tmp_path / name) == (
+            f"{name}: holds chunks that inflate more than 150 times, as no recording does — "
+            "look at what it holds, and save it uncompressed"
+        )
     path = tmp_path / "other.mcap"
     bag_writers.mcap_ros2(path, rest, CompressionType.LZ4)
     path.write_bytes(path.read_bytes().replace(b"\3\0\0\0lz4", b"\3\0\0\0lzo"))

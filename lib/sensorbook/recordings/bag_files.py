@@ -113,12 +113,13 @@ def _topics_of_bag(source: Source) -> list[Topic]:
 
 
 def _messages_of_bag(source: Source, topic: Topic) -> Iterator[tuple[int, bytes]]:
-    from rosbags.rosbag1.reader import decompressors
-
     with _bag(source) as reader:
-        names = {decompress: name for name, decompress in decompressors.items()}
+        import lz4.frame
+
+        # Its own would inflate whatever a chunk says.
+        names = {bz2.decompress: "bz2", lz4.frame.decompress: "lz4"}
         for at, chunk in reader.chunks.items():
-            inflate = partial(_inflated, source, names[chunk.decompressor])
+            inflate = partial(_inflated, source, names.get(chunk.decompressor, "none"))
             reader.chunks[at] = chunk._replace(decompressor=inflate)
         # In the order of the file: by time, chunks that overlap would be inflated again and again.
         entries = [entry for mine in topic.ids for entry in reader.indexes[mine]]
