@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import json
+import math
 import shutil
 import subprocess
 
@@ -138,13 +139,24 @@ def test_no_cell_is_a_formula(file):
     [
         (lambda r: r.update(sensors={}), "sensors: holds no numbers — render the report of a recording"),
         (lambda r: r.pop("software"), f"software: is missing — {AGAIN}"),
+        (lambda r: r["sensors"]["gyroscope"]["noise"]["y"]["random_walk"].update(value=math.nan),
+         f"sensors: gyroscope y random_walk: nan is not a finite number — {AGAIN}"),
     ],
 )  # fmt: skip
 def test_what_is_no_table(change, line, file):
     assert said(file, "csv", change) == [line]
 
 
-@pytest.mark.parametrize("damage", [5, [1], {"method": "x", "std": {}, "bias": 3}])
+DAMAGED = [
+    5,
+    [1],
+    {"method": "x", "std": {}, "bias": 3},
+    {"method": "x", "std": {"matrix": []}, "matrix": [[]]},
+    {"method": "x", "std": {"bias": [10**400]}, "bias": [1]},
+]
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
 def test_damaged_results_are_one_line(damage, file):
     (line,) = said(file, "csv", lambda r: r["sensors"]["gyroscope"].update(calibration=damage))
     assert line.startswith("cannot be made a table: ")
@@ -259,6 +271,10 @@ def test_names_that_are_none_to_matlab(file):
          f"cannot be made variables: ValueError: two fields are a_b to MATLAB — {AGAIN}"),
         (lambda r: r["sensors"].update(a=10**400),
          f"cannot be made variables: OverflowError: int too large to convert to float — {AGAIN}"),
+        (lambda r: r["sensors"]["gyroscope"]["allan"].update(x=[1.0, math.inf]),
+         f"cannot be made variables: ValueError: inf is not a finite number — {AGAIN}"),
+        (lambda r: r["sensors"]["magnetometer"]["calibration"].update(field=math.nan),
+         f"cannot be made variables: ValueError: nan is not a finite number — {AGAIN}"),
     ],
 )  # fmt: skip
 def test_what_are_no_variables(change, line, file):

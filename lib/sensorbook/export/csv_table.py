@@ -33,7 +33,7 @@ def render(results: Entry) -> str:
     origin(results)  # raises where something of it is missing
     try:
         head, *rows = csv.reader(io.StringIO(csv_text(results.value)))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, ArithmeticError, TypeError, ValueError, AttributeError) as error:
         raise results.wrong(f"cannot be made a table: {type(error).__name__}: {error}") from None
     if not rows:
         raise results.at("sensors").wrong("holds no numbers", "render the report of a recording")
@@ -43,6 +43,9 @@ def render(results: Entry) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow((*head, *COLUMNS))
     for row in rows:
+        if bad := {"nan", "inf", "-inf"}.intersection(row):
+            what = " ".join(filter(None, row[1 : quantity + 1]))
+            raise results.at("sensors").wrong(f"{what}: {bad.pop()} is not a finite number")
         writer.writerow(map(cell, (*row, CONVENTIONS.get(row[quantity], ""), *about)))
     return text.getvalue()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from typing import Any
 
@@ -63,7 +64,7 @@ def _variable(value: Any) -> Any:
     if isinstance(value, bool):
         return np.bool_(value)
     if isinstance(value, int | float):
-        return float(value)
+        return _finite(value)
     if isinstance(value, str):
         return inert(value)
     if isinstance(value, dict):
@@ -84,7 +85,15 @@ def _variable(value: Any) -> Any:
 def _is_numeric(value: Any) -> bool:
     if isinstance(value, list):
         return bool(value) and all(map(_is_numeric, value))
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+    if isinstance(value, bool) or not isinstance(value, int | float | None):
+        return False
+    return value is None or _finite(value) is not None
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is not a finite number")
+    return float(value)
 
 
 def _names(fields: dict[str, Any]) -> dict[str, str]:

@@ -163,12 +163,12 @@ def _turned(soft_iron: np.ndarray) -> float:
     A symmetric matrix turns by up to asin((k − 1)/(k + 1)), k its condition (Kantorovich); its rotation,
     where it has one, is added to that.
     """
-    left, sizes, right = np.linalg.svd(soft_iron)
-    if sizes[-1] <= 0 or np.linalg.det(soft_iron) < 0:
+    left, sizes, right = np.linalg.svd(soft_iron / (np.abs(soft_iron).max() or 1.0))
+    if sizes[0] == 0 or np.linalg.det(left @ right) < 0:
         return 180.0
-    ratio = sizes[0] / sizes[-1]
+    largest, smallest = sizes[0], sizes[-1]
     rotation = np.arccos(np.clip((np.trace(left @ right) - 1) / 2, -1, 1))
-    return float(np.degrees(np.arcsin((ratio - 1) / (ratio + 1)) + rotation))
+    return float(np.degrees(np.arcsin((largest - smallest) / (largest + smallest)) + rotation))
 
 
 def _noise(results: Entry, absent: list) -> list[str]:
