@@ -428,12 +428,21 @@ def test_what_a_log_declares_is_not_trusted(write, parts, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_parameter_that_pyulog_stumbles_over(write):
-    """It would end there without a word, and the rows after it would be lost."""
+def test_rows_after_a_message_that_pyulog_stumbles_over(write):
+    """It ends there without a word where it reads the file by itself."""
     begin = HEADER + definition("a", SMALL) + subscription("a", 0) + ROW
     path = write(begin + message("P", b"\x09int32_t P" + b"\x01") + ROW)
     assert len(ULog(str(path)).data_list[0].data["x"]) == 1
-    assert message_of(path) == "log.ulg: is a damaged ULog file — copy it again"
+    np.testing.assert_array_equal(open_table(path).column("x"), [1, 1])
+
+
+def test_padding_that_some_messages_hold(write):
+    padded = "uint64_t timestamp;float x;float y;float z;uint8_t[4] _padding0;"
+    rows = [datum(padded, 0, {"timestamp": k, "x": k}) for k in range(9)]
+    rows[4] = message("D", rows[4][3:] + bytes(4))
+    path = write(HEADER + definition("a", padded) + subscription("a", 0) + b"".join(rows))
+    np.testing.assert_array_equal(open_table(path).column("x"), np.arange(9))
+    assert open_table(path).names == ("timestamp", "x", "y", "z")
 
 
 def test_many_topics_of_many_fields_take_no_time(write):

@@ -2,7 +2,7 @@
 
 The values come from pyulog (`pip install sensorbook[ulog]`). It passes over damage without a word and
 takes what a log declares on trust; so the messages are walked through here first, by the PX4 Guide's
-"ULog File Format", and what pyulog gives must be as many rows as were counted.
+"ULog File Format", pyulog is given those of one topic, and must make as many rows of them.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import itertools
 import mmap
 import re
 import struct
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,6 +30,8 @@ _SIZES = {"int8_t": 1, "uint8_t": 1, "bool": 1, "char": 1, "int16_t": 2, "uint16
 _FORMAT = re.compile(r"([\w/]+):([^:]*)", re.A)
 _FIELD = re.compile(r"(\w+)(?:\[([1-9]\d{0,4})\])? (\w+)", re.A)
 _LONGEST = 0xFFFF  # bytes of a message
+_DATA = ord("D")
+_BLOCK = 1 << 14  # messages copied at one go
 _DEEPEST = 16  # formats within formats
 _MOST_FIELDS = 300_000  # of all topics; PX4 logs a few thousand
 
@@ -55,14 +58,26 @@ _RAW = ("sensor_accel", "sensor_gyro", "sensor_mag", "sensor_combined", "sensor_
 _FIFO_FIELDS = ("timestamp", "timestamp_sample", "x", "y", "z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Topic:
-    """A topic's instance: `fields` are pairs of type and name, arrays spread out as "q[0]"."""
+    """A topic's instance.
+
+    Attributes
+    ----------
+    fields : pairs of type and name, arrays spread out as "q[0]"
+    subscribed : the message that begins it
+    places : (N,) first bytes of its messages of data in the file
+    """
 
     name: str
     instance: int
     fields: tuple[tuple[str, str], ...]
-    rows: int
+    subscribed: bytes
+    places: np.ndarray
+
+    @property
+    def rows(self) -> int:
+        return len(self.places)
 
     @property
     def shown(self) -> str:
@@ -89,12 +104,16 @@ class _Topic:
         return _UNITS.get(self.name, {}).get(stem, _UNITS_OF_ALL.get(stem, ""))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Log:
-    """What the walk through a log found: topics by name, and how long each dropout was (ms)."""
+    """What the walk through a log found: topics by name, and how long each dropout was (ms).
+
+    `data` is its first byte after the definitions.
+    """
 
     topics: dict[str, _Topic]
     dropouts: tuple[int, ...]
+    data: int
 
 
 def table_names(source: Source) -> tuple[str, ...]:
@@ -113,7 +132,7 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     fields = _FIFO_FIELDS if burst else [name for kind, name in topic.fields if kind != "char"]
 
     def read(indices: Sequence[int]) -> dict[int, np.ndarray]:
-        data = _values(source, topic)
+        data = _values(source, log, topic)
         data = _one_by_one(source, data, burst) if burst else data
         return {index: data[fields[index]] for index in indices}
 
@@ -150,23 +169,38 @@ def _library(source: Source):
     return ULog
 
 
-def _values(source: Source, topic: _Topic) -> dict[str, np.ndarray]:
+def _values(source: Source, log: _Log, topic: _Topic) -> dict[str, np.ndarray]:
     """(N,) values of each field, by its name."""
     library = _library(source)
     try:
-        # It says on the standard output what it thinks of the file.
-        with source.path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
-            sets = library(stream, [topic.name]).data_list
-        (found,) = (s.data for s in sets if (s.name, s.multi_id) == (topic.name, topic.instance))
+        # It says on the standard output what it thinks of a file.
+        with contextlib.redirect_stdout(io.StringIO()):
+            (found,) = library(_excerpt(source, log, topic)).data_list
         columns = {
             name: np.ascontiguousarray(values, values.dtype.newbyteorder("="))
-            for name, values in found.items()
+            for name, values in found.data.items()
         }
     except Exception:  # whatever it raises, the file is what it stumbled over
         raise _damaged(source.wrong) from None
     if {len(values) for values in columns.values()} != {topic.rows}:
         raise _damaged(source.wrong)
     return columns
+
+
+def _excerpt(source: Source, log: _Log, topic: _Topic) -> io.BytesIO:
+    """The log with the data of one topic alone: pyulog takes each message in turn, wanted or not."""
+    file = np.memmap(source.path, np.uint8, "r")
+    out = io.BytesIO()
+    out.write(file[: log.data].tobytes())
+    out.write(topic.subscribed)
+    # Padding at the end is left out, as it may be: pyulog takes it for damage.
+    size = 2 + sum(_SIZES[kind] for kind, _ in topic.fields)
+    head = np.frombuffer(struct.pack("<HB", size, _DATA), np.uint8)
+    for first in range(0, topic.rows, _BLOCK):
+        content = topic.places[first : first + _BLOCK, None] + np.arange(3, 3 + size)
+        out.write(np.hstack([np.tile(head, (len(content), 1)), file[content]]).tobytes())
+    out.seek(0)
+    return out
 
 
 def _one_by_one(source: Source, data: dict[str, np.ndarray], burst: int) -> dict[str, np.ndarray]:
@@ -202,7 +236,7 @@ def _survey(source: Source) -> _Log:
     return _surveyed(source.path, source.file, status.st_size, status.st_mtime_ns)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def _surveyed(path: Path, file: str, size: int, changed: int) -> _Log:
     """Walks through all messages; a log that was not changed is not walked through again."""
     wrong = Source(path, file, b"", False).wrong
@@ -223,39 +257,41 @@ def _walk(view: mmap.mmap, size: int, wrong) -> _Log:
                     "save its topics as .csv with ulog2csv")  # fmt: skip
     begin, ends = _sections(view, size, wrong)
     formats: dict[str, list] = {}
-    topics: dict[tuple[str, int], list] = {}  # name and instance: fields, and its id's counter
-    ids: dict[int, list[int]] = {}  # least and greatest size of a message, rows
+    topics: dict[tuple[str, int], tuple] = {}  # name and instance: fields, message, places
+    ids: dict[int, tuple[int, int, array]] = {}  # least and greatest size of a message, places
     dropouts, spread = [], 0
     head, word = struct.Struct("<HB").unpack_from, struct.Struct("<H").unpack_from
-    in_data = False
+    data = 0  # where it begins
     at = begin
     for end in ends:
         while at < end:
-            if at + 3 > end or (stop := at + 3 + head(view, at)[0]) > end:
+            length, kind = head(view, at) if at + 3 <= end else (end, 0)
+            stop = at + 3 + length
+            if stop > end:
                 if end == size:
                     raise _cut_off(wrong, at)
                 break  # where power was lost; what was appended later follows
-            length, kind = head(view, at)
-            if kind == 68:  # D, data
-                counter = ids.get(word(view, at + 3)[0]) if length > 2 else None
-                if counter is None or not counter[0] <= length <= counter[1]:
+            if kind == _DATA:
+                known = ids.get(word(view, at + 3)[0]) if length > 2 else None
+                if known is None or not known[0] <= length <= known[1]:
                     raise _damaged(wrong, at)
-                counter[2] += 1
-            elif kind == 70 and not in_data:  # F, format
+                known[2].append(at)
+            elif kind == 70 and not data:  # F, format
                 name, fields = _format(view[at + 3 : stop], wrong, at)
                 formats[name] = fields
             elif kind == 65:  # A, a topic is logged from here on
-                in_data = True
-                key, fields, counter = _subscribed(view[at + 3 : stop], formats, wrong, at)
+                data = data or at
+                name, instance, number = _subscription(view[at + 3 : stop])
+                fields, least, most = _fields(name, formats, wrong, at)
                 spread += len(fields)
-                if key[:2] in topics or key[2] in ids or spread > _MOST_FIELDS:
+                if (name, instance) in topics or number in ids or spread > _MOST_FIELDS:
                     raise _damaged(wrong, at)
-                topics[key[:2]] = [fields, counter]
-                ids[key[2]] = counter
+                ids[number] = least, most, array("q")
+                topics[name, instance] = fields, view[at:stop], ids[number][2]
             elif kind == 79 and length == 2:  # O, a dropout
                 dropouts.append(word(view, at + 3)[0])
             elif kind in b"LC":  # text
-                in_data = True
+                data = data or at
             elif not (kind in b"IMPQR" and length) and not (
                 kind == 83 and view[at + 3 : stop] == _SYNC
             ):
@@ -264,9 +300,11 @@ def _walk(view: mmap.mmap, size: int, wrong) -> _Log:
         at = end
         ids = {}  # pyulog forgets them, too
     filled = [
-        _Topic(*key, fields, counter[2]) for key, (fields, counter) in topics.items() if counter[2]
+        _Topic(*key, fields, begun, np.array(places))
+        for key, (fields, begun, places) in topics.items()
+        if places
     ]
-    return _Log({topic.shown: topic for topic in filled}, tuple(dropouts))
+    return _Log({topic.shown: topic for topic in filled}, tuple(dropouts), data)
 
 
 def _sections(view: mmap.mmap, size: int, wrong) -> tuple[int, list[int]]:
@@ -298,21 +336,28 @@ def _format(content: bytes, wrong, at: int) -> tuple[str, list]:
     return match[1], [(f[1], int(f[2] or 0), f[3]) for f in fields]
 
 
-def _subscribed(content: bytes, formats: dict, wrong, at: int):
-    """Name, instance and id of a topic; its fields; least and greatest size of its messages, 0 rows."""
-    name = content[3:].decode("ascii", "replace")
-    if len(content) < 4 or name not in formats:
-        raise _damaged(wrong, at)
+def _subscription(content: bytes) -> tuple[str, int, int]:
+    """Name, instance and number of a topic that is logged from here on; "" where it is damaged."""
+    if len(content) < 4:
+        return "", 0, 0
+    return (
+        content[3:].decode("ascii", "replace"),
+        content[0],
+        int.from_bytes(content[1:3], "little"),
+    )
+
+
+def _fields(name: str, formats: dict, wrong, at: int) -> tuple[tuple, int, int]:
+    """A topic's fields, and the least and greatest size of its messages."""
     fields = _flat(name, formats, wrong, at)
-    full = sum(_SIZES[kind] for kind, _ in fields) + 2
+    most = sum(_SIZES[kind] for kind, _ in fields) + 2
     while fields and fields[-1][1].startswith("_padding"):  # need not be written
         fields = fields[:-1]
     least = sum(_SIZES[kind] for kind, _ in fields) + 2
     names = [field for _, field in fields]
-    if full > _LONGEST or len(set(names)) < len(names) or ("uint64_t", "timestamp") not in fields:
+    if most > _LONGEST or len(set(names)) < len(names) or ("uint64_t", "timestamp") not in fields:
         raise _damaged(wrong, at)
-    key = (name, content[0], int.from_bytes(content[1:3], "little"))
-    return key, tuple(fields), [least, full, 0]
+    return tuple(fields), least, most
 
 
 def _flat(name: str, formats: dict, wrong, at: int, depth: int = 0) -> list[tuple[str, str]]:
