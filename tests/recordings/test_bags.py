@@ -280,6 +280,17 @@ def test_stamps_out_of_order_are_told_not_sorted(tmp_path, rest, form):
         assert told.remedy == "sort the rows by time"
 
 
+def test_more_stamps_that_go_back_are_told_of_a_guessed_recording_too(tmp_path, rest):
+    back = [replace(m, stamp=m.stamp - 25_000_000 * (k % 15 == 7)) for k, m in enumerate(rest)]
+    bag_writers.mcap_ros2(tmp_path / "log.mcap", back)
+    device = sensorbook.load(tmp_path / "log.mcap")
+    assert device.gyroscope.static.declaration["columns"]["time"] == "stamp"
+    assert device.gyroscope.static.rate == pytest.approx(100, rel=1e-3)
+    _, findings = device.check()
+    told = [f.message for f in findings if (f.kind, f.where) == ("backward", "gyroscope")]
+    assert told == ["the time goes back at 27 places, first at 0.06 s by 0.015 s"]
+
+
 def test_a_few_stamps_that_go_back_and_values_that_are_missing(tmp_path, rest):
     lost = {"angular_velocity": (float("nan"), 0.0, 0.0)}
     rest[7] = replace(rest[7], stamp=rest[3].stamp, fields=rest[7].fields | lost)

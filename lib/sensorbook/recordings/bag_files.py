@@ -162,7 +162,8 @@ def _topics_of_mcap(source: Source) -> list[Topic]:
         if not isinstance(footer, Footer):
             raise ValueError
         stream.seek(footer.summary_start)  # 0 for none
-        records = list(_records(source, stream, skip_magic=True)) if footer.summary_start else []
+        summary = _records(source, stream, skip_magic=True) if footer.summary_start else ()
+        records = [r for r in summary if isinstance(r, Schema | Channel | Statistics)]
         types = {0: ""} | {r.id: r.name for r in records if isinstance(r, Schema)}
         channels = [r for r in records if isinstance(r, Channel)]
         counted = [r for r in records if isinstance(r, Statistics)]
