@@ -377,10 +377,12 @@ def test_a_log_cut_off_anywhere(write):
             ), size
 
 
-def test_without_its_library_the_command_that_installs_it_is_told(write, monkeypatch):
-    path = write(topics(20)["sensor_gyro"])
+def test_without_its_library_the_command_that_installs_it_is_told(write, monkeypatch, capsys):
+    path = write(topics(20)["sensor_gyro"], topics(20)["sensor_accel"])
     monkeypatch.setitem(sys.modules, "pyulog", None)
-    assert message_of(path) == (
+    assert main(["check", str(path)]) == 1
+    said = capsys.readouterr()
+    assert (said.out + said.err).strip() == (
         "log.ulg: is a PX4 ULog file, and pyulog, which reads it, is not installed — pip install "
         "sensorbook[ulog]"
     )
