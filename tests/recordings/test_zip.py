@@ -158,6 +158,31 @@ def test_phyphox_with_its_folder_of_notes(motion, pack):
     }
 
 
+def test_physics_toolbox(motion, pack):
+    time = np.arange(len(motion.gyroscope)) / 50
+    members = {}
+    for name, letters, values in (("G-Force Meter", "gF", motion.accelerometer / 9.80665),
+                                  ("Gyroscope", "w", motion.gyroscope),
+                                  ("Magnetometer", "B", 1e6 * motion.magnetometer)):  # fmt: skip
+        total = np.linalg.norm(values, axis=1)
+        head = [
+            "time",
+            *(f"{letters}{a}" for a in "xyz"),
+            "TgF" if letters == "gF" else f"{letters}T",
+        ]
+        frame = pandas.DataFrame(np.column_stack([time, values, total]), columns=head)
+        members[f"{name} 2024-05-01 10.00.00.csv"] = frame.to_csv(index=False)
+    recordings = guess_files([pack(members)]).recordings
+    declared = {
+        r.table["sensor"]: (r.table["unit"], list(r.table["columns"].values())) for r in recordings
+    }
+    assert declared == {
+        "accelerometer": ("g", ["time", "gFx", "gFy", "gFz"]),
+        "gyroscope": ("rad/s", ["time", "wx", "wy", "wz"]),
+        "magnetometer": ("uT", ["time", "Bx", "By", "Bz"]),
+    }
+
+
 def test_the_only_file_tells_the_sensor_by_its_name(sensor_logger, pack):
     path = pack(
         {"2023-11-14_accelerometer_test/Gyroscope.csv": sensor_logger["Gyroscope.csv"]}, "a.zip"

@@ -49,6 +49,8 @@ _OTHER = _words(
     "current cov covariance std sigma variance label activity movement user gravity offset "
     "bias raw_adc status accuracy ref reference tau dev adev delta integral"
 )
+_G_FORCE = re.compile(r"gF([xyz])")  # Physics Toolbox, and beside it the totals of three axes:
+_TOTALS = ("TgF", "gFTotal", "aT", "wT", "BT")
 _AXES = {"x": "x", "y": "y", "z": "z"}
 _NUMBERED = {"0": "x", "1": "y", "2": "z"}
 _UNIT_TAILS = {  # tokens at the end of a name
@@ -88,6 +90,10 @@ class Named:
 
 def read_name(name: str) -> Named:
     """What a column's name says."""
+    if force := _G_FORCE.fullmatch(name):
+        return Named("axis", "accelerometer", force[1], "g", "gF")
+    if name in _TOTALS:
+        return Named("other")
     name, bracketed = _without_bracket(name)
     tokens = _tokens(name)
     unit = bracketed or ""
