@@ -8,12 +8,13 @@ import io
 import json
 import re
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from sensorbook.cli import main
-from sensorbook.reporting import chapters, execute
+from sensorbook.reporting import chapters, execute, forks, warm
 from sensorbook.simulate.noise import coloured_noise
 
 DEVICE = 'schema = 1\nid = "{id}"\nname = "{id}"\n'
@@ -96,10 +97,19 @@ def write(folder: Path, **tables: dict) -> Path:
     return folder
 
 
+def executed(
+    notebook: Path, parameters: dict, folder: Path, engine: str = "warm"
+) -> execute.Outcome:
+    """A notebook executed as a report does it, in a fork."""
+    warm.warm_up([notebook])
+    call = partial(execute.execute, notebook, parameters, folder, folder, "", engine=engine)
+    return forks.apart(call)
+
+
 def read_chapter(slug: str, folder: Path, **parameters) -> tuple[dict, str]:
     """Executes a chapter that needs no device; returns what it recorded and what a reader sees of it."""
     chapter = next(c for c in chapters.CHAPTERS if c.slug == slug)
-    outcome = execute.execute(chapter.notebook, parameters, folder, folder, "")
+    outcome = executed(chapter.notebook, parameters, folder)
     assert outcome.status == "complete", outcome.reason
     about = dict.fromkeys(("id", "name", "model", "serial"))
     record = execute.record_of(outcome, chapter, "", about)
@@ -114,5 +124,5 @@ def read_chapter(slug: str, folder: Path, **parameters) -> tuple[dict, str]:
 def ended(slug: str, folder: Path, **parameters) -> tuple[str, str | None]:
     """How a chapter that needs no device ends, and why."""
     chapter = next(c for c in chapters.CHAPTERS if c.slug == slug)
-    outcome = execute.execute(chapter.notebook, parameters, folder, folder, "")
+    outcome = executed(chapter.notebook, parameters, folder)
     return outcome.status, outcome.reason

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from devices import read_chapter
+from devices import executed, read_chapter
 
 from sensorbook.attitude.sensors.sun import cell_currents, four_cell_direction, four_normals
-from sensorbook.reporting import execute
 from sensorbook.reporting.chapters import NOTEBOOKS
 
 RADIUS, INFRARED = 6371e3, 6411e3  # m
@@ -203,7 +202,7 @@ def test_the_sun_behind_is_seen_by_none(tmp_path):
 )
 def test_nonsense_is_named(given, said, tmp_path):
     notebook = NOTEBOOKS / "12_attitude_sensors.ipynb"
-    outcome = execute.execute(notebook, given, tmp_path, tmp_path, "")
+    outcome = executed(notebook, given, tmp_path)
     assert outcome.status == "failed"
     assert outcome.reason.startswith(f"parameters: {said}")
     assert len(outcome.problems) == 1

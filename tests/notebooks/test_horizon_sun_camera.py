@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, examine
 from cameras import EARTH, ONE, SUN, pair, png, recording, shot, write
-from devices import Report, render
+from devices import Report, executed, render
 
 from sensorbook.camera.scene import EARTH_RADIUS
 from sensorbook.reporting import chapters
@@ -363,7 +363,6 @@ def test_a_limb_that_is_not_the_ground_s(tmp_path, scale, words):
 
 
 def test_the_image_asked_for(tmp_path):
-    from sensorbook.reporting import execute
 
     folder = write(
         tmp_path / "one",
@@ -374,7 +373,7 @@ def test_the_image_asked_for(tmp_path):
 
     def run(image):
         given = {"device": str(folder), "sensor": "camera", "image": image}
-        outcome = execute.execute(chapter.notebook, given, tmp_path, tmp_path, "")
+        outcome = executed(chapter.notebook, given, tmp_path)
         text = json.dumps(outcome.notebook, ensure_ascii=False)
         return outcome, text
 

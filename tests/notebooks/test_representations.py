@@ -7,12 +7,11 @@ import erfa
 import nbformat
 import numpy as np
 import pytest
-from devices import read_chapter
+from devices import executed, read_chapter
 from scipy.spatial.transform import Rotation
 
 from sensorbook.attitude.rotations import matrix_from_euler, quaternion_from_matrix
 from sensorbook.attitude.round_trips import printed_quaternion
-from sensorbook.reporting import execute
 from sensorbook.reporting.chapters import NOTEBOOKS
 
 NOTEBOOK = NOTEBOOKS / "11_representations_and_frames.ipynb"
@@ -178,7 +177,7 @@ def shown(outcome):
 
 def test_z_of_a_time_makes_no_warning(tmp_path):
     given = {"time": "2026-05-01T12:00:00Z"}
-    outcome = execute.execute(NOTEBOOK, given, tmp_path, tmp_path, "")
+    outcome = executed(NOTEBOOK, given, tmp_path)
     assert outcome.status == "complete"
     assert "UserWarning" not in shown(outcome)
     assert "&#42;&#42;" not in shown(outcome), "emphasis inside a value is shown as asterisks"
@@ -197,7 +196,7 @@ def test_z_of_a_time_makes_no_warning(tmp_path):
     ],
 )
 def test_nonsense_is_named(given, said, tmp_path):
-    outcome = execute.execute(NOTEBOOK, given, tmp_path, tmp_path, "")
+    outcome = executed(NOTEBOOK, given, tmp_path)
     assert outcome.status == "failed"
     assert said in outcome.reason
     assert "radians" not in outcome.reason

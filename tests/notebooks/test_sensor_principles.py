@@ -11,10 +11,9 @@ from types import SimpleNamespace
 import nbformat
 import numpy as np
 import pytest
-from devices import read_chapter
+from devices import executed, read_chapter
 from scipy import integrate
 
-from sensorbook.reporting import execute
 from sensorbook.reporting.chapters import NOTEBOOKS
 
 G0 = 9.80665
@@ -296,7 +295,7 @@ def test_a_spring_too_soft_for_gravity(tmp_path):
 )
 def test_nonsense_is_named(given, said, tmp_path):
     notebook = NOTEBOOKS / "10_sensor_principles.ipynb"
-    outcome = execute.execute(notebook, given, tmp_path, tmp_path, "")
+    outcome = executed(notebook, given, tmp_path)
     assert outcome.status == "failed"
     assert said in outcome.reason
     assert outcome.reason.count("parameters: ") == 1
@@ -305,6 +304,6 @@ def test_nonsense_is_named(given, said, tmp_path):
 
 def test_no_emphasis_is_shown_as_asterisks(tmp_path):
     notebook = NOTEBOOKS / "10_sensor_principles.ipynb"
-    outcome = execute.execute(notebook, {}, tmp_path, tmp_path, "")
+    outcome = executed(notebook, {}, tmp_path)
     assert outcome.status == "complete"
     assert "&#42;&#42;" not in "".join(str(c.get("outputs", "")) for c in outcome.notebook.cells)

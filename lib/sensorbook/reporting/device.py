@@ -175,7 +175,7 @@ def _current(opened: Opened, tasks: list[Task], tree: Tree) -> dict[str, Any] | 
     folder = tree.root / opened.source.id
     try:
         found = json.loads((folder / "results.json").read_bytes())
-        same = bool(key := _key(opened, tree)) and found["key"] == key
+        same = bool(key := _key(opened, tree)) and found["key"] == key and not found["problems"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     there = all((folder / name).is_file() for name in ("index.html", "results.csv"))
