@@ -30,7 +30,7 @@ LEVELLED = 10.0  # s of a levelled rest at least: setting it up takes longer
 LEVELLING = 0.2  # deg rms about each axis, on a levelled plate
 LATITUDE = 45.0  # deg, where nothing tells it
 STEPS = 40  # of a motion
-SEED = 1  # of the headings that a hand leaves to chance
+SEED, HEADINGS = 1, 4  # of the headings, which a hand leaves to chance; the mean of so many draws
 QUANTITIES = ("bias", "scale_factor_error", "misalignment")
 
 _ALL = tuple(STANDARD)
@@ -44,12 +44,17 @@ class Positions:
 
     Attributes
     ----------
-    std : expected standard error by quantity, of the worst axis, SI
+    every : expected standard error by quantity of each of its parameters, SI
     """
 
     attitudes: tuple[str, ...]
     seconds: float
-    std: dict[str, float]
+    every: dict[str, np.ndarray]
+
+    @property
+    def std(self) -> dict[str, float]:
+        """That of the worst parameter, by quantity."""
+        return {quantity: float(each.max()) for quantity, each in self.every.items()}
 
     @property
     def duration(self) -> float:
@@ -114,16 +119,18 @@ def gyroscope(
         pinv = np.linalg.pinv(np.c_[np.ones(len(u)), u[:, k]])[0]
         earth = (EARTH_RATE * np.cos(level)) ** 2 * (1 - u[:, k] ** 2) / 2
         bias.append(np.sqrt(pinv @ (noise[k] + np.diag(earth)) @ pinv))
-    motions, own, by_frame = _motions(u, seconds, terms, accelerometer)
-    across = _tangents(motions.after)
-    rows = np.einsum("rij,rjk->rik", across, predicted(motions, np.eye(3))[1]).reshape(-1, 9)
-    gain = np.linalg.pinv(rows)
-    left = np.einsum("rij,rjk->rik", across, by_frame).reshape(len(rows), -1)
-    whole = (gain * np.repeat(own, 2)) @ gain.T + gain @ left @ left.T @ gain.T
-    std = np.sqrt(np.diag(whole)).reshape(3, 3)
-    off = ~np.eye(3, dtype=bool)
-    values = (max(bias), np.diag(std).max(), std[off].max())
-    return Positions(attitudes, seconds, dict(zip(QUANTITIES, map(float, values), strict=True)))
+    rng = np.random.default_rng(SEED)
+    variance = np.zeros(9)
+    for _ in range(HEADINGS):
+        motions, own, by_frame = _motions(u, seconds, terms, accelerometer, rng)
+        across = _tangents(motions.after)
+        rows = np.einsum("rij,rjk->rik", across, predicted(motions, np.eye(3))[1]).reshape(-1, 9)
+        gain = np.linalg.pinv(rows)
+        left = gain @ np.einsum("rij,rjk->rik", across, by_frame).reshape(len(rows), -1)
+        variance += np.diag((gain * np.repeat(own, 2)) @ gain.T + left @ left.T) / HEADINGS
+    std = np.sqrt(variance).reshape(3, 3)
+    values = np.array(bias), np.diag(std), std[~np.eye(3, dtype=bool)]
+    return Positions(attitudes, seconds, dict(zip(QUANTITIES, values, strict=True)))
 
 
 def planned(kind: str, quantity: str, std: float, **given) -> tuple[Positions, bool]:
@@ -179,19 +186,17 @@ def _of_lengths(terms, u: np.ndarray, seconds: float) -> np.ndarray:
     return gain @ scatter @ gain.T
 
 
-def _grouped(covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
+def _grouped(covariance: np.ndarray, free: np.ndarray) -> dict[str, np.ndarray]:
     std = np.sqrt(np.diag(covariance))
     rows, columns = np.nonzero(free)
     scale = rows == columns
     matrix = std[:-3]
-    values = (std[-3:].max(), matrix[scale].max(), matrix[~scale].max())
-    return dict(zip(QUANTITIES, map(float, values), strict=True))
+    return dict(zip(QUANTITIES, (std[-3:], matrix[scale], matrix[~scale]), strict=True))
 
 
-def _motions(u: np.ndarray, seconds: float, terms, accelerometer):
+def _motions(u: np.ndarray, seconds: float, terms, accelerometer, rng):
     """Nominal motions, the variance (R,) of a carried direction, rad² an axis, and what the
     accelerometer's parameters add to it (R, 3, K), one standard error each."""
-    rng = np.random.default_rng(SEED)
     to_level = [_attitude(up, rng.uniform(0, 2 * np.pi)) for up in u]
     turns = np.array([_vector(a.T @ b) for a, b in itertools.pairwise(to_level)])
     start, rest = _starts(len(u), seconds)

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensorbook.magnetometer.coverage import IDEAL, errors_by_direction, even_directions
+from sensorbook.magnetometer.coverage import IDEAL, effects, even_directions
 from sensorbook.magnetometer.ellipsoid import design
 from sensorbook.noise.model import NoiseTerms
 
 FIELD = 48e-6  # T, of middle latitudes
-# A hand moves by some 4 cm, in a room with a gradient of 2 µT/m: 0.2 % of the field, for 2 s at a time.
-SURROUNDINGS, ALIKE = 0.002, 2.0
+# A hand moves by some 4 cm, in a room with a gradient of 2 µT/m: 0.2 % of the field, for 1.5 s at a time.
+SURROUNDINGS, ALIKE = 0.002, 1.5
 SECONDS = (60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0, 900.0, 1200.0, 1800.0)
 QUANTITIES = ("hard_iron", "soft_iron", "direction")
 
@@ -29,8 +29,8 @@ class Rotation:
     Attributes
     ----------
     seconds : s
-    std : expected standard error by quantity, of the worst axis: hard iron (T), soft iron (relative, for
-        a determinant of 1), direction of a corrected reading (rad)
+    std : expected standard error by quantity: hard iron (T) and soft iron (relative, for a determinant of
+        1) of the worst axis, direction of a corrected reading (rad, the whole angle, rms of all directions)
     """
 
     seconds: float
@@ -54,7 +54,10 @@ def rotation(
     unit = np.eye(9)
     unit[3:6, 3:6] -= 1 / 3  # a common factor is none of the soft iron
     relative = np.sqrt(np.diag(unit @ covariance @ unit.T))
-    values = (relative[:3].max() * field, relative[3:].max(), errors_by_direction(covariance).max())
+    effect = effects(u)
+    across = effect - u[:, :, None] * np.einsum("ni,nik->nk", u, effect)[:, None, :]
+    angle = np.sqrt(np.einsum("nij,jk,nik->", across, covariance, across) / len(u))
+    values = (relative[:3].max() * field, relative[3:].max(), angle)
     return Rotation(seconds, dict(zip(QUANTITIES, map(float, values), strict=True)))
 
 
