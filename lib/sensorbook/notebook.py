@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import dataclasses
 import html
-import io
 import json
 import math
 import numbers
@@ -332,22 +331,18 @@ class _Inert(string.Formatter):
 
 def _show_figure(figure: Any, caption: str, alt: str, thumbnail: bool) -> None:
     import matplotlib.pyplot as plt
-    from PIL import Image
+
+    from sensorbook.plots.drawing import drawn, encoded
 
     if not alt:
         raise ValueError("a figure needs a caption or an alternative text")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, bbox_inches="tight")
+    image = drawn(figure, DPI)
     plt.close(figure)  # or the inline backend shows it a second time
-    image = Image.open(buffer).convert("RGB")
     width, height = (round(pixels * 96 / DPI) for pixels in image.size)
-    # 256 colours make a third of the size and no difference that shows.
-    buffer = io.BytesIO()
-    image.quantize(256, Image.Quantize.FASTOCTREE).save(buffer, format="png", optimize=True)
     about = {"alt": alt, "caption": caption, "width": width, "height": height}
     if thumbnail:
         about["thumbnail"] = True
-    coded = base64.b64encode(buffer.getvalue()).decode("ascii")
+    coded = base64.b64encode(encoded(figure, image)).decode("ascii")
     _publish({"image/png": coded, "text/plain": alt}, metadata={"image/png": about})
     if caption:
         # Jupyter shows no caption of its own; a report has it below the figure and skips this.
