@@ -288,7 +288,7 @@ def _others(study: Study, each, runs: int) -> None:
         levels = dict.fromkeys(
             "xyz", NoiseTerms(0.0, louder * MAGNETIC["magnetometer"]["random_walk"])
         )
-        planned = rotation.rotation(levels, seconds).every
+        planned = rotation.rotation(levels, seconds).std
         (hard, soft, direction), refused = each(turn, seconds, louder)
         print(f"rotation, {seconds:g} s, {louder:g} times a consumer triad's noise")
         study.row("hard iron", hard, planned["hard_iron"], "nT", 1e-9)

@@ -63,7 +63,17 @@ def test_the_overview_holds_each_kind_but_images(capsys):
 
 def test_the_help_has_an_example(capsys):
     assert cli.main(["plan", "--help"]) == 0
-    assert "example:\n  sensorbook plan\n  sensorbook plan static " in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "example:\n  sensorbook plan\n  sensorbook plan static " in shown
+    for name in (*KINDS, *GRADES):
+        assert name in shown
+
+
+def test_a_rate_too_low_for_any_rest_is_told():
+    made = plan("static", rate=1e-3)
+    assert not made.reached
+    assert made.notes[0].endswith("a week gives 605 samples, and 1000 are needed")
+    assert plan("static", rate=1e6).reached
 
 
 @pytest.mark.parametrize(
@@ -86,6 +96,8 @@ def test_the_help_has_an_example(capsys):
         (["static", "--from", "x", "--grade", "consumer"], "--from or --grade, not both"),
         (["static", "--rate", "-1"], "'-1' is not a number above 0"),
         (["images", "--grade", "tactical"], "neither --from nor --grade"),
+        (["thermal", "--span", "4"], "--span: 4: 6 °C at least"),
+        (["six_position", "--levelling", "10"], "--levelling: 10: 5 degrees at most"),
     ],
 )  # fmt: skip
 def test_wrong_usage_is_2_and_says_what_is_possible(arguments, told, capsys):

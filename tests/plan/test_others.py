@@ -61,7 +61,7 @@ def test_longer_turns_go_with_the_root_and_the_first_that_serves_is_taken():
     levels = of(random_walk=60e-9)
     one, four = (rotation.rotation(levels, s).std for s in (60.0, 240.0))
     assert all(one[q] == pytest.approx(2 * four[q]) for q in rotation.QUANTITIES)
-    found, reached = rotation.planned("hard_iron", one["hard_iron"] / 1.9, levels)
+    found, reached = rotation.planned("hard_iron", one["hard_iron"] / 1.9 * 2.02, levels)
     assert reached
     assert found.seconds == 240
     assert not rotation.planned("hard_iron", 1e-12, levels)[1]
@@ -97,7 +97,7 @@ def test_a_change_with_temperature_scatters_as_predicted():
 
 def test_the_thermal_chapter_determines_what_was_planned_and_refuses_a_small_sweep():
     terms = NoiseTerms(0.0, 1.7e-4, 3.9e-5)
-    plan, reached = thermal.planned(2e-4, dict.fromkeys("xyz", terms))
+    plan, reached = thermal.planned(4e-4, dict.fromkeys("xyz", terms))
     assert reached
     *run, true = swept(np.random.default_rng(3), plan, 1.0, terms)
     run[2] = run[2][:, :1]

@@ -93,13 +93,16 @@ def title(asked: Asked) -> str:
     return f"{asked.kind}, {asked.sensor}: {named} within ± {wanted} (95 %)"
 
 
-def row(asked: Asked, quantity: str, std: float, axes: str = "worst", level: str = "") -> tuple:
+def row(
+    asked: Asked, quantity: str, std: float, half: float, axes: str = "worst", level: str = ""
+) -> tuple[str, ...]:
+    """A row of a plan's table: standard error and half of the 95 % interval, SI."""
     return (
         quantity.replace("_", " "),
         axes,
         level,
         shown(std, asked.sensor, quantity),
-        f"± {shown(HALF * std, asked.sensor, quantity)}",
+        f"± {shown(half, asked.sensor, quantity)}",
     )
 
 

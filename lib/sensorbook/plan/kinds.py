@@ -15,6 +15,10 @@ from sensorbook.plan.words import Plan
 from sensorbook.units import SENSOR_UNITS
 
 DEFAULT_GRADE = "consumer"
+LIMITS = (  # of what the chapters refuse: option, what is good, and why
+    ("levelling", lambda v: v <= 5, "5 degrees at most, or some rests are none of the six faces"),
+    ("span", lambda v: v >= 6, "6 °C at least, or a change cannot be told from a drift with time"),
+)
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,9 @@ def plan(
             return of_grade(of_sensor, grade, rate)
         return of_results(results, of_sensor, rate, wanted)
 
+    for option, good, why in LIMITS:
+        if (value := options.get(option)) is not None and not good(value):
+            raise Usage(f"--{option}: {value:g}: {why}")
     wanted = quantity if kind == "static" else ""
     default = chosen.within.get((sensor, quantity)) or chosen.within[quantity]
     found = None if sensor == "camera" else levels(sensor, wanted)

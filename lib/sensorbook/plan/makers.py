@@ -40,7 +40,7 @@ def static_plan(asked: Asked) -> Plan:
             if (axes[0], term) in levels.bounds:
                 level = f"≤ {level}"
             std = found.std * found.level
-            cells = list(row(asked, term, std, axes, level))
+            cells = list(row(asked, term, std, HALF * std, axes, level))
             cells[0] += f" {TERMS[term].symbol}"
             cells[4] += f" ({number(100 * HALF * found.std, 2)} %)"
             if not found.stated:
@@ -94,7 +94,7 @@ def positions_plan(asked: Asked) -> Plan:
         given["levelling"] = asked.levelling
     elif asked.sensor == "gyroscope":
         given["accelerometer"] = asked.given("accelerometer").axes
-    found, reached = rests.planned(asked.kind, asked.quantity, asked.std, **given)
+    found, reached = rests.planned(asked.kind, asked.quantity, asked.within, **given)
     count, names = len(found.attitudes), tuple(dict.fromkeys(found.attitudes))
     rounds = count // len(names)
     turns = "" if rounds == 1 else f", all of them {rounds} times"
@@ -136,7 +136,7 @@ def positions_plan(asked: Asked) -> Plan:
     assumes.append(WANDERS)
     notes = []
     if not reached:
-        stands = shown(HALF * found.std[asked.quantity], asked.sensor, asked.quantity)
+        stands = shown(found.half[asked.quantity], asked.sensor, asked.quantity)
         why = {
             "six_position": "levelling errors and the bias's wander do not average out",
             "positions": "the bias wanders while more attitudes are recorded",
@@ -147,7 +147,7 @@ def positions_plan(asked: Asked) -> Plan:
     return Plan(
         title(asked),
         tuple(do),
-        tuple(row(asked, q, found.std[q]) for q in rests.QUANTITIES),
+        tuple(row(asked, q, found.std[q], found.half[q]) for q in rests.QUANTITIES),
         tuple(notes),
         tuple(assumes),
         source,
@@ -160,8 +160,8 @@ def positions_plan(asked: Asked) -> Plan:
 
 
 def rotation_plan(asked: Asked) -> Plan:
-    found, reached = rotation.planned(asked.quantity, asked.std, asked.levels.axes)
-    stands = shown(HALF * found.std[asked.quantity], asked.sensor, asked.quantity)
+    found, reached = rotation.planned(asked.quantity, asked.within, asked.levels.axes)
+    stands = shown(found.half[asked.quantity], asked.sensor, asked.quantity)
     return Plan(
         title(asked),
         (
@@ -172,7 +172,7 @@ def rotation_plan(asked: Asked) -> Plan:
             "In one place, a metre from iron, cables and loudspeakers; declare it as kind "
             "rotation.",
         ),
-        tuple(row(asked, q, found.std[q]) for q in rotation.QUANTITIES),
+        tuple(row(asked, q, found.std[q], found.half[q]) for q in rotation.QUANTITIES),
         ()
         if reached
         else (
@@ -193,8 +193,8 @@ def rotation_plan(asked: Asked) -> Plan:
 
 
 def thermal_plan(asked: Asked) -> Plan:
-    found, reached = thermal.planned(asked.std, asked.levels.axes, asked.span)
-    stands = shown(HALF * found.std, asked.sensor, "change")
+    found, reached = thermal.planned(asked.within, asked.levels.axes, asked.span)
+    stands = shown(found.half, asked.sensor, "change")
     cycles = "once" if found.cycles == 1 else f"{found.cycles} times"
     notes = [] if reached else [
         f"out of reach: ± {stands} is the best of the plans tried; slower sweeps let the bias "
@@ -210,7 +210,7 @@ def thermal_plan(asked: Asked) -> Plan:
             "minutes at either "
             "end; declare it as kind thermal.",
         ),
-        (row(asked, "change", found.std),),
+        (row(asked, "change", found.std, found.half),),
         (*notes, "the change from the lowest to the highest temperature; in between it is known better"),
         (
             noise_in_words(asked.levels),
@@ -231,7 +231,7 @@ def trajectory_plan(asked: Asked) -> Plan:
         asked.std, asked.levels.axes, TYPICAL_IN_MOTION, turning, reference
     )
     stands = shown(HALF * found.before, asked.sensor, "attitude")
-    rows = [row(asked, "attitude", s) for s in (found.before, found.after)]
+    rows = [row(asked, "attitude", s, HALF * s) for s in (found.before, found.after)]
     rows = [(f"attitude just {w} a reference", "each", *r[2:]) for w, r in
             zip(("before", "after"), rows, strict=True)]  # fmt: skip
     return Plan(
@@ -272,7 +272,7 @@ def images_plan(asked: Asked) -> Plan:
             "not with the Sun "
             "in line with the Earth's centre. Give position and time of each in poses.csv.",
         ),
-        (row(asked, "attitude", needed.std, "whole"),),
+        (row(asked, "attitude", needed.std, HALF * needed.std, "whole"),),
         ("another lens or more pixels: the view must still hold both bodies",) if enlarge else (),
         (
             f"work C's camera ({own.focal_px:g} pixels), 2 DN of noise, the Earth fully lit, "

@@ -12,6 +12,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from sensorbook.calibration.coverage import STANDARD, coverage, design
@@ -45,16 +46,24 @@ class Positions:
     Attributes
     ----------
     every : expected standard error by quantity of each of its parameters, SI
+    dof : degrees of freedom of the residuals, which scale the chapter's own errors
     """
 
     attitudes: tuple[str, ...]
     seconds: float
     every: dict[str, np.ndarray]
+    dof: int
 
     @property
     def std(self) -> dict[str, float]:
         """That of the worst parameter, by quantity."""
         return {quantity: float(each.max()) for quantity, each in self.every.items()}
+
+    @property
+    def half(self) -> dict[str, float]:
+        """Half of the worst parameter's 95 % interval, by Student's t as the chapters have it."""
+        t = float(stats.t.ppf(0.975, self.dof))
+        return {quantity: t * std for quantity, std in self.std.items()}
 
     @property
     def duration(self) -> float:
@@ -71,7 +80,7 @@ def multi_position(
     """
     u = _directions(attitudes)
     covariance = _of_lengths(terms, u, seconds)
-    return Positions(attitudes, seconds, _grouped(covariance, FREE[9]))
+    return Positions(attitudes, seconds, _grouped(covariance, FREE[9]), len(u) - 9)
 
 
 def six_position(
@@ -96,7 +105,7 @@ def six_position(
     gain = np.einsum("kl,pil->kpi", normal, weighted)
     covariance = sum(gain[:, :, k] @ noise[k] @ gain[:, :, k].T for k in range(3))
     covariance = covariance + np.einsum("kpi,pij,lpj->kl", gain, tilted, gain)
-    return Positions(attitudes, seconds, _grouped(covariance, FREE[9]))
+    return Positions(attitudes, seconds, _grouped(covariance, FREE[9]), 3 * len(u) - 9)
 
 
 def gyroscope(
@@ -130,11 +139,12 @@ def gyroscope(
         variance += np.diag((gain * np.repeat(own, 2)) @ gain.T + left @ left.T) / HEADINGS
     std = np.sqrt(variance).reshape(3, 3)
     values = np.array(bias), np.diag(std), std[~np.eye(3, dtype=bool)]
-    return Positions(attitudes, seconds, dict(zip(QUANTITIES, values, strict=True)))
+    every = dict(zip(QUANTITIES, values, strict=True))
+    return Positions(attitudes, seconds, every, 2 * (len(u) - 1) - 9)
 
 
-def planned(kind: str, quantity: str, std: float, **given) -> tuple[Positions, bool]:
-    """The shortest recording with a standard error of `std` or less, and whether there is one.
+def planned(kind: str, quantity: str, within: float, **given) -> tuple[Positions, bool]:
+    """The shortest recording with a 95 % interval of ± `within` or less, and whether there is one.
 
     Where there is none, the one that comes nearest. `given` goes to the method: `terms` and what it takes
     besides.
@@ -149,11 +159,11 @@ def planned(kind: str, quantity: str, std: float, **given) -> tuple[Positions, b
     found = []
     for attitudes, seconds in sorted(tried, key=lambda t: len(t[0]) * (t[1] + MOTION)):
         found.append(method(attitudes=attitudes, seconds=seconds, **given))
-        if found[-1].std[quantity] <= std:
+        if found[-1].half[quantity] <= within:
             return found[-1], True
     # What is hardly better is not worth the time.
-    best = min(p.std[quantity] for p in found)
-    return next(p for p in found if p.std[quantity] <= 1.05 * best), False
+    best = min(p.half[quantity] for p in found)
+    return next(p for p in found if p.half[quantity] <= 1.05 * best), False
 
 
 def _directions(attitudes: tuple[str, ...]) -> np.ndarray:

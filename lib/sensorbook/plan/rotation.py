@@ -10,9 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from sensorbook.magnetometer.coverage import IDEAL, effects, even_directions
 from sensorbook.magnetometer.ellipsoid import design
+from sensorbook.magnetometer.uncertainty import MOST_BLOCKS
 from sensorbook.noise.model import NoiseTerms
 
 FIELD = 48e-6  # T, of middle latitudes
@@ -35,6 +37,12 @@ class Rotation:
 
     seconds: float
     std: dict[str, float]
+
+    @property
+    def half(self) -> dict[str, float]:
+        """Half of each 95 % interval, by Student's t of the chapter's jackknife."""
+        t = float(stats.t.ppf(0.975, MOST_BLOCKS - 1))
+        return {quantity: t * std for quantity, std in self.std.items()}
 
 
 def rotation(
@@ -61,10 +69,10 @@ def rotation(
     return Rotation(seconds, dict(zip(QUANTITIES, map(float, values), strict=True)))
 
 
-def planned(quantity: str, std: float, terms: dict[str, NoiseTerms]) -> tuple[Rotation, bool]:
-    """The shortest turn with a standard error of `std` or less; else the longest, and False."""
+def planned(quantity: str, within: float, terms: dict[str, NoiseTerms]) -> tuple[Rotation, bool]:
+    """The shortest turn with a 95 % interval of ± `within` or less; else the longest, and False."""
     for seconds in SECONDS:
         found = rotation(terms, seconds)
-        if found.std[quantity] <= std:
+        if found.half[quantity] <= within:
             return found, True
     return found, False

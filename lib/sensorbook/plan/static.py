@@ -124,6 +124,8 @@ def shortest(terms: NoiseTerms, name: str, std: float, rate: float) -> Rest | No
 
 def hidden(terms: NoiseTerms, name: str, rate: float) -> str:
     """Why a term is known so badly: what hides it where it stands out most, or how few lines show it."""
+    if LONGEST * rate < FEWEST:
+        return f"at {rate:g} Hz a week gives {LONGEST * rate:.0f} samples, and {FEWEST} are needed"
     spectrum = expected_spectrum(terms, round(LONGEST * rate), rate)
     likelihood = Likelihood(spectrum, 0, np.ones(len(spectrum.lines), dtype=bool))
     parts = {n: getattr(terms, n) ** 2 * c for n, c in likelihood.columns.items()}

@@ -10,9 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from sensorbook.noise.model import NoiseTerms
 from sensorbook.plan.means import covariance_of_means
+from sensorbook.thermal.fit import STRETCHES
 from sensorbook.thermal.model import Form
 
 SPAN = 25.0  # °C
@@ -36,6 +38,11 @@ class Sweep:
     pace: float
     cycles: int
     std: float
+
+    @property
+    def half(self) -> float:
+        """Half of its 95 % interval, by Student's t of the chapter's jackknife."""
+        return float(stats.t.ppf(0.975, STRETCHES - 1)) * self.std
 
     @property
     def duration(self) -> float:
@@ -65,15 +72,15 @@ def sweep(
     return Sweep(span, pace, cycles, float(np.sqrt(max(variances))))
 
 
-def planned(std: float, terms: dict[str, NoiseTerms], span: float = SPAN) -> tuple[Sweep, bool]:
-    """The shortest sweep with a standard error of `std` or less; else the best, and False."""
+def planned(within: float, terms: dict[str, NoiseTerms], span: float = SPAN) -> tuple[Sweep, bool]:
+    """The shortest sweep with a 95 % interval of ± `within` or less; else the best, and False."""
     tried = [
         sweep(terms, span, pace, cycles)
         for pace in PACES
         for cycles in CYCLES
         if cycles * 2 * span / pace * 60 <= LONGEST or (pace, cycles) == (PACES[0], 1)
     ]
-    good = [s for s in tried if s.std <= std]
+    good = [s for s in tried if s.half <= within]
     if good:
         return min(good, key=lambda s: s.duration), True
     return min(tried, key=lambda s: s.std), False

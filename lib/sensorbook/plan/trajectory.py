@@ -46,7 +46,7 @@ def aided(white: float, walk: float, reference: float, rate: float) -> Aided:
     """The settled filter: `white` rad/s/√Hz, `walk` rad/s/√s, `reference` rad, `rate` Hz.
 
     >>> found = aided(0.01, 0.0, 0.02, 1.0)
-    >>> round(found.after**2 / 0.02**2, 6) == round(steady_gain(0.01, 0.02, 1.0), 6)
+    >>> bool(np.isclose(found.after**2 / 0.02**2, steady_gain(0.01, 0.02, 1.0)))
     True
     """
     period = 1 / rate
