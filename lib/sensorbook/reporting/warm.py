@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import asyncio
+import builtins
 import contextlib
 import importlib
 import io
@@ -24,8 +25,10 @@ from typing import Any
 
 import nbformat
 import numpy as np
+from ipykernel.compiler import XCachingCompiler
 from IPython.core.displayhook import DisplayHook
 from IPython.core.displaypub import DisplayPublisher
+from IPython.core.error import StdinNotImplementedError
 from IPython.core.interactiveshell import InteractiveShell
 from nbformat.v4 import new_output
 from papermill.engines import Engine, papermill_engines
@@ -154,6 +157,7 @@ class _Shell(InteractiveShell):
 
     display_pub_class = Type(_Publisher)
     displayhook_class = Type(_Displayhook)
+    compiler_class = Type(XCachingCompiler)  # the kernel's, which names cells in tracebacks
 
     def run(self, cell: nbformat.NotebookNode) -> bool:
         """Runs a cell and fills in its outputs; returns whether it completed."""
@@ -176,6 +180,7 @@ class _Shell(InteractiveShell):
 
 def _as_a_kernel_starts() -> None:
     """Takes back what a fresh process would not have: settings, random state and a running loop."""
+    builtins.input = _no_input
     random.seed()
     np.random.seed()  # noqa: NPY002, the state that notebooks could share
     asyncio.set_event_loop(asyncio.new_event_loop())
@@ -183,6 +188,12 @@ def _as_a_kernel_starts() -> None:
         matplotlib.rcParams.update(matplotlib.rcParamsOrig)
         matplotlib.use("agg")  # figures are shown by `notebook.show`, and by nothing else
     os.environ["MPLBACKEND"] = "agg"
+
+
+def _no_input(*_: Any) -> str:
+    raise StdinNotImplementedError(
+        "raw_input was called, but this frontend does not support input requests."
+    )
 
 
 def warm_up(notebooks: Iterable[Path]) -> None:

@@ -1,0 +1,145 @@
+"""Both engines give the same of every chapter: the warm one, and the reference, a kernel each."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+from devices import executed
+
+import sensorbook
+from sensorbook.notebook import MIME
+from sensorbook.reporting import chapters
+from sensorbook.simulate import simulate
+
+DEMOS = ("ahrs", "positions", "phone", "rotation", "leo", "trajectory")
+
+
+@pytest.fixture(scope="module")
+def demos(tmp_path_factory):
+    """Which demo has recordings for a chapter, and of which sensor; each is simulated when asked for."""
+    folder = tmp_path_factory.mktemp("engines")
+    made: dict[str, Path] = {}
+
+    def demo(chapter: chapters.Chapter) -> tuple[Path, str] | None:
+        for preset in DEMOS:
+            if preset not in made:
+                made[preset] = simulate(folder / f"{preset}-demo", preset)
+            device = sensorbook.load(made[preset])
+            for sensor in chapter.sensors:
+                if chapter.kind in device.kinds(chapter.reads or sensor):
+                    return made[preset], sensor
+        return None
+
+    return demo
+
+
+def parameters(chapter: chapters.Chapter, demos) -> dict:
+    if not chapter.needs_device:
+        return {}
+    device, sensor = demos(chapter)
+    return {"device": str(device)} | ({"sensor": sensor} if sensor != chapters.ATTITUDE else {})
+
+
+def plain(text: str) -> str:
+    """Text without what no two runs share: addresses in memory, and times of day."""
+    return re.sub(r"0x[0-9a-f]+|\d\d:\d\d:\d\d", "…", text)
+
+
+def shape(notebook: nbformat.NotebookNode) -> list:
+    """Every output of every cell, in order: its kind, its forms, and all of its texts."""
+    found = []
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            found.append((cell.source, cell.execution_count))
+        for output in cell.get("outputs", ()):
+            if output.output_type == "stream":
+                text = "" if "UserWarning: To exit" in output.text else plain(output.text)
+                # A kernel sends what is printed in pieces, by the clock.
+                if found and found[-1][:2] == ("stream", output.name):
+                    text = found.pop()[2] + text
+                found += [("stream", output.name, text)] if text else []
+            elif output.output_type == "error":
+                found.append(("error", output.ename, output.evalue))
+            else:
+                texts = {
+                    form: plain(text) if form.startswith("text/") else None
+                    for form, text in output.data.items()
+                }
+                found.append((output.output_type, texts, dict(output.metadata)))
+    return found
+
+
+def numbers(notebook: nbformat.NotebookNode) -> list:
+    return [
+        output.data[MIME]
+        for cell in notebook.cells
+        for output in cell.get("outputs", ())
+        if MIME in output.get("data", {})
+    ]
+
+
+@pytest.mark.parametrize("chapter", chapters.CHAPTERS, ids=lambda c: c.slug)
+def test_a_chapter_is_the_same_in_both(chapter, demos, tmp_path):
+    given = parameters(chapter, demos)
+    warm, kernel = (
+        executed(chapter.notebook, given, tmp_path, engine) for engine in ("warm", "kernel")
+    )
+    assert (warm.status, warm.reason) == (kernel.status, kernel.reason) == ("complete", None)
+    assert shape(warm.notebook) == shape(kernel.notebook)
+    # To the last digit: the same code, libraries and number of threads.
+    assert json.dumps(numbers(warm.notebook)) == json.dumps(numbers(kernel.notebook))
+    pictures = [
+        [
+            "".join(output.data["image/png"].split())
+            for cell in outcome.notebook.cells
+            for output in cell.get("outputs", ())
+            if "image/png" in output.get("data", {})
+        ]
+        for outcome in (warm, kernel)
+    ]
+    assert pictures[0] == pictures[1]
+    for key in ("kernelspec", "language_info"):
+        assert warm.notebook.metadata[key] == kernel.notebook.metadata[key]
+
+
+CELLS = {
+    "a fault": "1 / 0",
+    "a refusal": "import sensorbook\nraise sensorbook.Refusal('Too short.', 'Record more.')",
+    "bad input": "import sensorbook\nraise sensorbook.InputError(sensorbook.Problem('a', 'b', 'c', 'd'))",
+    "a syntax error": "for",
+    "an exit": "import sys\nsys.exit(3)",
+    "an interrupt": "raise KeyboardInterrupt",
+    "a value and text": "print('a')\nprint('b')\n1 + 1",
+    "an error and text": "import sys\nprint('a', file=sys.stderr)\n[][1]",
+    "a value that is not shown": "3;",
+    "a table": "import pandas\npandas.DataFrame({'a': [1, 2]})",
+    "an inline figure": "import matplotlib.pyplot as plt\n_ = plt.plot([1, 2])",
+    "displays": "from IPython.display import HTML, display\ndisplay(HTML('<b>x</b>'), 3)",
+    "raw displays": "display({'text/plain': 'x'}, raw=True, metadata={'a': 1})",
+    "a magic": "%precision 3\n3.14159",
+    "a wait": "import asyncio\nawait asyncio.sleep(0.01)\n'waited'",
+    "a loop of its own": "import asyncio\nasyncio.iscoroutinefunction(print)",
+    "where it is": "import os\nos.path.basename(os.getcwd()), __name__",
+    "what was shown before": "4\n_",
+    "cleared": "from IPython.display import clear_output\nprint('a')\nclear_output()\nprint('b')",
+    "input": "input('?')",
+}
+
+
+@pytest.mark.parametrize("cell", CELLS.values(), ids=CELLS)
+def test_a_cell_is_the_same_in_both(cell, tmp_path):
+    notebook = nbformat.v4.new_notebook()
+    notebook.metadata["kernelspec"] = {
+        "name": "python3", "display_name": "Python 3", "language": "python",
+    }  # fmt: skip
+    notebook.cells = [nbformat.v4.new_code_cell(text) for text in ("5", cell, "'after'")]
+    nbformat.write(notebook, tmp_path / "n.ipynb")
+    warm, kernel = (
+        executed(tmp_path / "n.ipynb", {}, tmp_path, engine) for engine in ("warm", "kernel")
+    )
+    assert (warm.status, plain(warm.reason or "")) == (kernel.status, plain(kernel.reason or ""))
+    assert shape(warm.notebook) == shape(kernel.notebook)
