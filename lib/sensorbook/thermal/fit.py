@@ -35,39 +35,109 @@ def fit_thermal(sweep: Sweep, sensor: str = "") -> ThermalFit:
     sensor : its name, for units
     """
     reference = float(np.round(np.mean(sweep.span)))  # where the model is best known
-    axes = tuple(_fit_axis(sweep, column, reference) for column in sweep.values.T)
+    costs = _Costs(sweep)
+    axes = tuple(_fit_axis(sweep, costs, axis, reference) for axis in range(sweep.values.shape[1]))
     return ThermalFit(sensor, sweep.files, axes)
+
+
+class _Costs:
+    """What the fits of all axes share: the blocks they use, and what each form leaves of each axis.
+
+    Attributes
+    ----------
+    uses : (U, M) which blocks a fit uses: all, all but one fold each, all but one stretch each
+    folds, stretches : rows of `uses`, in the order of their fold and of their stretch
+    """
+
+    def __init__(self, sweep: Sweep):
+        self.t, self.y, self.span = sweep.temperature, sweep.values, sweep.span
+        self.root = np.sqrt(sweep.weight)
+        self.offsets = (sweep.run[:, None] == np.arange(len(sweep.files))).astype(float)
+        self.stretch = _stretches(sweep)
+        self.fold = sweep.run if _overlap(sweep) else self.stretch
+        out = [self.fold == k for k in np.unique(self.fold)]
+        self.folds = self.stretches = range(1, 1 + len(out))
+        if self.fold is not self.stretch:
+            out += [self.stretch == k for k in np.unique(self.stretch)]
+            self.stretches = range(self.folds.stop, 1 + len(out))
+        self.uses = ~np.array([np.zeros(len(self.t), dtype=bool), *out])
+        self._used = self.uses.astype(float)
+        self._columns: dict[Form, np.ndarray] = {}
+        self._costs: dict[Form, np.ndarray] = {}
+
+    def columns(self, form: Form) -> np.ndarray:
+        """(M, R + P) design matrix: offsets of the runs and the form's columns."""
+        if form not in self._columns:
+            self._columns[form] = np.hstack([self.offsets, form.columns(self.t, self.span)])
+        return self._columns[form]
+
+    def of(self, form: Form) -> np.ndarray:
+        """(U, A) weighted sums of squared residuals of a form with a jump, by the normal equations.
+
+        Infinite where a side of the jump has too few blocks.
+        """
+        if form not in self._costs:
+            self._costs[form] = self._of(form)
+        return self._costs[form]
+
+    def _of(self, form: Form) -> np.ndarray:
+        low, high = form.jump
+        sides = self._used @ np.column_stack([self.t < low, self.t > high])
+        cost = np.full((len(self.uses), self.y.shape[1]), np.inf)
+        fits = sides.min(axis=1) >= 4 * (form.degree + 2)
+        if not fits.any():
+            return cost
+        used = self._used[fits]
+        a, y = self.columns(form) * self.root[:, None], self.y * self.root[:, None]
+        size = a.shape[1]
+        normal = (used @ (a[:, :, None] * a[:, None, :]).reshape(len(a), -1)).reshape(
+            -1, size, size
+        )
+        right = (used @ (a[:, :, None] * y[:, None, :]).reshape(len(a), -1)).reshape(
+            -1, size, y.shape[1]
+        )
+        absent = np.einsum("ukk->uk", normal)  # a run that is left out has no offset
+        absent[absent == 0] = 1.0
+        try:
+            x = np.linalg.solve(normal, right)
+        except np.linalg.LinAlgError:
+            x = np.linalg.pinv(normal, rcond=1e-14, hermitian=True) @ right
+        cost[fits] = np.einsum("um,uma->ua", used, (y - a @ x) ** 2)
+        return cost
 
 
 class _Problem:
     """One axis of a sweep: weighted least squares with one offset a run."""
 
-    def __init__(self, sweep: Sweep, y: np.ndarray):
-        self.t, self.y, self.run, self.span = sweep.temperature, y, sweep.run, sweep.span
-        self.root = np.sqrt(sweep.weight)
-        self.offsets = (sweep.run[:, None] == np.arange(len(sweep.files))).astype(float)
-        self.stretch = _stretches(sweep)
-        self.fold = sweep.run if _overlap(sweep) else self.stretch
+    def __init__(self, sweep: Sweep, costs: _Costs, axis: int):
+        self.t, self.y, self.run, self.span = (
+            sweep.temperature,
+            costs.y[:, axis],
+            sweep.run,
+            sweep.span,
+        )
+        self.root, self.offsets = costs.root, costs.offsets
+        self.stretch, self.fold = costs.stretch, costs.fold
+        self.costs, self.axis = costs, axis
 
-    def solve(self, form: Form, use=slice(None)) -> tuple[np.ndarray, np.ndarray]:
-        """Offsets (R,) and coefficients (P,)."""
-        a = np.hstack([self.offsets, form.columns(self.t, self.span)])[use]
-        x = np.linalg.lstsq(a * self.root[use, None], self.y[use] * self.root[use], rcond=1e-10)[0]
-        return x[: self.offsets.shape[1]], x[self.offsets.shape[1] :]
+    def solve(self, form: Form, use: int = 0) -> np.ndarray:
+        """(R + P,) offsets and coefficients, by the blocks of one row of `costs.uses`."""
+        used = self.costs.uses[use]
+        a = self.costs.columns(form)[used]
+        root = self.root[used]
+        return np.linalg.lstsq(a * root[:, None], self.y[used] * root, rcond=1e-10)[0]
 
-    def cost(self, form: Form, use=slice(None)) -> float:
-        offsets, x = self.solve(form, use)
-        r = self.y - self.offsets @ offsets - form.columns(self.t, self.span) @ x
-        return float(np.sum((r * self.root)[use] ** 2))
+    def residual(self, form: Form, use: int = 0) -> np.ndarray:
+        """(M,) what a fit leaves of every block."""
+        return self.y - self.costs.columns(form) @ self.solve(form, use)
 
-    def place_jump(self, degree: int, use=slice(None), near: Form | None = None) -> Form | None:
+    def place_jump(self, degree: int, use: int = 0, near: Form | None = None) -> Form | None:
         """The jump that fits best: a coarse search over place and width, then two finer ones.
 
         With `near` only the finer ones, around its place.
         """
         low, high = self.span
         span = high - low
-        t = self.t[use]
         best, form = np.inf, near
         step = (1 - 2 * EDGE) * span / 32
         centres = np.linspace(low + EDGE * span, high - EDGE * span, 33)
@@ -78,11 +148,8 @@ class _Problem:
         for _ in range(2 if near else 3):
             for c in centres:
                 for w in widths:
-                    sides = (t < c - w / 2).sum(), (t > c + w / 2).sum()
-                    if min(sides) < 4 * (degree + 2):
-                        continue
                     trial = Form(degree, (c - w / 2, c + w / 2))
-                    cost = self.cost(trial, use)
+                    cost = self.costs.of(trial)[use, self.axis]
                     if cost < best:
                         best, form = cost, trial
             if form is None:
@@ -99,13 +166,12 @@ class _Problem:
         Held-out data outside the temperatures of the fit do not count: there a model is not used.
         """
         squared = np.full(len(self.y), np.nan)
-        for fold in np.unique(self.fold):
-            out = self.fold == fold
-            form = make(~out)
+        for use in self.costs.folds:
+            out = ~self.costs.uses[use]
+            form = make(use)
             if form is None:
                 return np.full(self.stretch.max() + 1, np.inf)
-            offsets, x = self.solve(form, ~out)
-            r = self.y - self.offsets @ offsets - form.columns(self.t, self.span) @ x
+            r = self.residual(form, use)
             if len(np.unique(self.run)) > 1:
                 # A run has its own offset; the one left out gets its own, by its mean.
                 r -= np.average(r[out], weights=self.root[out] ** 2)
@@ -143,19 +209,21 @@ def _stretches(sweep: Sweep) -> np.ndarray:
     return result
 
 
-def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
-    problem = _Problem(sweep, y)
+def _fit_axis(sweep: Sweep, costs: _Costs, axis: int, reference: float) -> ThermalAxis:
+    problem = _Problem(sweep, costs, axis)
+    y = problem.y
     makers = {f"degree {d}": (lambda use, d=d: Form(d)) for d in DEGREES}
     makers |= {
         f"degree {d}, jump": (lambda use, d=d: problem.place_jump(d, use)) for d in JUMP_DEGREES
     }
-    forms = {name: make(slice(None)) for name, make in makers.items()}
+    forms = {name: make(0) for name, make in makers.items()}
     errors = {name: problem.held_out(makers[name]) for name, form in forms.items() if form}
     chosen = _choose(errors, forms)
     form = forms[chosen]
-    offsets, x = problem.solve(form)
+    runs = len(sweep.files)
+    offsets, x = np.split(problem.solve(form), [runs])
     model = form.model(offsets[0], x, sweep.span, reference)
-    residual = _residual(problem, form)
+    residual = problem.residual(form)
     refits = _jackknife(problem, form, sweep.span, reference)
     t = float(stats.t.ppf(0.975, len(refits) - 1))
     grid = np.linspace(*sweep.span, 51)
@@ -185,7 +253,7 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
             tuple(float(s) for s in np.atleast_1d(_spread([m.segments[i][2] for m in refits])))
             for i in range(len(model.segments))
         ),
-        rms_before=_rms(problem, _residual(problem, Form(0))),
+        rms_before=_rms(problem, problem.residual(Form(0))),
         rms_after=_rms(problem, residual),
         rms_check=float(np.sqrt(np.nanmean(errors[chosen]))),
         change=interval(lambda m: np.subtract(*m.bias(np.array([high, low]))))
@@ -197,7 +265,7 @@ def _fit_axis(sweep: Sweep, y: np.ndarray, reference: float) -> ThermalAxis:
             Candidate(
                 n,
                 forms[n].size,
-                _rms(problem, _residual(problem, forms[n])),
+                _rms(problem, problem.residual(forms[n])),
                 float(np.sqrt(np.nanmean(e))),
             )
             for n, e in errors.items()
@@ -251,14 +319,9 @@ def _excess(error: np.ndarray, other: np.ndarray, rounding: float) -> float:
     return difference.mean() / (difference.std(ddof=1) / np.sqrt(len(difference)))
 
 
-def _model(problem: _Problem, form: Form, span, reference, use=slice(None)) -> ThermalModel:
-    offsets, x = problem.solve(form, use)
-    return form.model(offsets[0], x, span, reference)
-
-
-def _residual(problem: _Problem, form: Form) -> np.ndarray:
-    offsets, x = problem.solve(form)
-    return problem.y - problem.offsets @ offsets - form.columns(problem.t, problem.span) @ x
+def _model(problem: _Problem, form: Form, span, reference, use: int = 0) -> ThermalModel:
+    found = problem.solve(form, use)
+    return form.model(found[0], found[problem.offsets.shape[1] :], span, reference)
 
 
 def _rms(problem: _Problem, residual: np.ndarray) -> float:
@@ -268,8 +331,7 @@ def _rms(problem: _Problem, residual: np.ndarray) -> float:
 def _jackknife(problem: _Problem, form: Form, span, reference) -> list[ThermalModel]:
     """Refits with one stretch of time left out each; a jump is placed anew."""
     result = []
-    for s in np.unique(problem.stretch):
-        use = problem.stretch != s
+    for use in problem.costs.stretches:
         again = problem.place_jump(form.degree, use, near=form) if form.jump else form
         result.append(_model(problem, again, span, reference, use))
     return result
