@@ -173,7 +173,7 @@ def _answer(call: Callable[[Tell], Any], writer: connection.Connection, parent: 
     os.setpgid(
         0, 0
     )  # an interrupt from the keyboard is for the first process, which ends the others
-    _die_with(parent)
+    die_with(parent)
     # Threads of BLAS on small arrays cost ten times what they gain, and calls run side by side.
     threadpoolctl.threadpool_limits(1)
     try:
@@ -190,7 +190,7 @@ def _stop(*_: Any) -> None:
     raise SystemExit(1)  # so that forks of this fork are ended, too
 
 
-def _die_with(parent: int) -> None:
+def die_with(parent: int) -> None:
     """Ends this process when its parent does, however that ends."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
