@@ -57,7 +57,7 @@ class WarmEngine(Engine):
         `checkpoint`, but for the last second.
         """
         _as_a_kernel_starts()
-        shell = _Shell.instance(config=_CONFIG)
+        shell = _ZMQLikeShell.instance(config=_CONFIG)
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         saved = 0.0
         for index, cell in enumerate(nb_man.nb.cells):
@@ -152,8 +152,11 @@ class _Stream(io.TextIOBase):
         return True
 
 
-class _Shell(InteractiveShell):
-    """IPython's shell, with what cells show kept as a notebook's outputs."""
+class _ZMQLikeShell(InteractiveShell):
+    """IPython's shell, with what cells show kept as a notebook's outputs.
+
+    pandas lays its tables out for a notebook where the class of the shell has "zmq" in its name.
+    """
 
     display_pub_class = Type(_Publisher)
     displayhook_class = Type(_Displayhook)
