@@ -60,7 +60,8 @@ def test_a_turn_clearly_short_of_the_plan_is_worse():
 def test_longer_turns_go_with_the_root_and_the_first_that_serves_is_taken():
     levels = of(random_walk=60e-9)
     one, four = (rotation.rotation(levels, s).std for s in (60.0, 240.0))
-    assert all(one[q] == pytest.approx(2 * four[q]) for q in rotation.QUANTITIES)
+    # And a little faster: a minute's directions are not even.
+    assert all(2.1 < one[q] / four[q] < 2.2 for q in rotation.QUANTITIES)
     found, reached = rotation.planned("hard_iron", one["hard_iron"] / 1.9 * 2.02, levels)
     assert reached
     assert found.seconds == 240

@@ -18,8 +18,10 @@ from sensorbook.magnetometer.uncertainty import MOST_BLOCKS
 from sensorbook.noise.model import NoiseTerms
 
 FIELD = 48e-6  # T, of middle latitudes
-# A hand moves by some 4 cm, in a room with a gradient of 2 µT/m: 0.2 % of the field, for 1.5 s at a time.
-SURROUNDINGS, ALIKE = 0.002, 1.5
+# A hand moves by some 4 cm, in a room with a gradient of 2 µT/m: 0.2 % of the field, and alike for about as
+# long as it turns one way, s.
+SURROUNDINGS, ALIKE = 0.002, 1.2
+LOOK = 1.0  # s, after which a hand has turned to a new direction
 SECONDS = (60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0, 900.0, 1200.0, 1800.0)
 QUANTITIES = ("hard_iron", "soft_iron", "direction")
 
@@ -58,7 +60,11 @@ def rotation(
     )  # two-sided, of one reading's length over the field
     u = even_directions()
     a = design(u, u, IDEAL)
-    covariance = np.linalg.inv(a.T @ a / len(u)) * density / seconds
+    # Of n directions at random the inverse information of nine parameters is n/(n − 10) times that of even
+    # ones, as that of a Wishart matrix is.
+    looks = seconds / LOOK
+    uneven = looks / (looks - 10)
+    covariance = np.linalg.inv(a.T @ a / len(u)) * density / seconds * uneven
     unit = np.eye(9)
     unit[3:6, 3:6] -= 1 / 3  # a common factor is none of the soft iron
     relative = np.sqrt(np.diag(unit @ covariance @ unit.T))
