@@ -191,6 +191,8 @@ def _as_a_kernel_starts() -> None:
         matplotlib.rcParams.update(matplotlib.rcParamsOrig)
         matplotlib.use("agg")  # figures are shown by `notebook.show`, and by nothing else
     os.environ["MPLBACKEND"] = "agg"
+    if (pandas := sys.modules.get("pandas")) is not None:
+        pandas.set_option("display.max_columns", 20)  # as it sets when it is imported in a kernel
 
 
 def _no_input(*_: Any) -> str:
