@@ -23,7 +23,8 @@ import jinja2
 import nbformat
 from latex2mathml.converter import Converter
 from markupsafe import Markup
-from nbconvert import HTMLExporter
+from nbconvert import HTMLExporter, TemplateExporter
+from nbconvert.filters.highlight import Highlight2HTML
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 
 from sensorbook.notebook import MIME
@@ -136,7 +137,17 @@ class _Exporter(HTMLExporter):
     headings: list[tuple[int, str, Markup]] = []  # noqa: RUF012, one exporter a thread
 
     def __init__(self) -> None:
-        super().__init__(template_name="body", extra_template_basedirs=[str(TEMPLATES)])
+        super().__init__(
+            template_name="body",
+            extra_template_basedirs=[str(TEMPLATES)],
+            default_preprocessors=[],  # each validates the notebook again, and none changes it here
+        )
+
+    def from_notebook_node(self, nb: nbformat.NotebookNode, **kwargs: Any) -> tuple[str, dict]:
+        # Not HTMLExporter's own, which parses the page with its images and writes it anew, to add what
+        # our template has: that takes longer than all the rest.
+        self.register_filter("highlight_code", Highlight2HTML(pygments_lexer="ipython3"))
+        return TemplateExporter.from_notebook_node(self, nb, **kwargs)
 
     def _create_environment(self) -> jinja2.Environment:
         made = super()._create_environment()
