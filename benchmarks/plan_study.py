@@ -138,21 +138,39 @@ def turn(seconds: float, louder: float, seed: int, index: int):
     return c.hard_iron - iron["hard_iron"], (c.soft_iron - true)[np.triu_indices(3)], angle
 
 
-def sweep(planned: thermal.Sweep, seed: int, index: int):
-    rng = np.random.default_rng([seed, index, 5])
-    rate = 1.0
-    seconds = np.arange(round(planned.duration * rate)) / rate
-    phase = seconds / planned.duration * planned.cycles % 1
-    u = 1 - 2 * np.abs(2 * phase - 1)
+def swept(planned: thermal.Sweep, rng) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, temperature and one axis: noise on a curve of degree 3."""
+    seconds = np.arange(round(planned.duration)) * 1.0
+    u = 1 - 2 * np.abs(2 * (seconds / planned.duration * planned.cycles % 1) - 1)
     levels = {t: getattr(SWEPT, t) for t in TERMS}
-    curve = 1e-3 * (u + 0.8 * u**2 + 0.9 * u**3)
-    values = (curve + coloured_noise(len(seconds), rate, rng, **levels))[:, None]
-    axis = fit_thermal(reduce_sweep([(seconds, planned.span * (u + 1) / 2, values)])).axes[0]
-    if axis.change is None:
-        return None
-    low, high = 2 * np.array(axis.model.range) / planned.span - 1  # of the block means
-    true = 1e-3 * (high - low + 0.8 * (high**2 - low**2) + 0.9 * (high**3 - low**3))
-    return (np.array([axis.change.value - true]),)
+    values = curve(u) + coloured_noise(len(seconds), 1.0, rng, **levels)
+    return seconds, planned.span * (u + 1) / 2, values[:, None]
+
+
+def curve(u: np.ndarray) -> np.ndarray:
+    return 1e-3 * (u + 0.8 * u**2 + 0.9 * u**3)
+
+
+def sweep(planned: thermal.Sweep, seed: int, index: int):
+    """Error of the change by the chapter's least squares of the degree that is there."""
+    run = swept(planned, np.random.default_rng([seed, index, 5]))
+    reduced = reduce_sweep([run])
+    fit = np.polynomial.Polynomial.fit(
+        reduced.temperature, reduced.values[:, 0], thermal.DEGREE, w=np.sqrt(reduced.weight)
+    )
+    ends = np.array(reduced.span)  # of the block means
+    return (np.diff(fit(ends)) - np.diff(curve(2 * ends / planned.span - 1)),)
+
+
+def whole_sweep(planned: thermal.Sweep, seed: int, index: int):
+    """By the chapter, its own choice of the degree included: whether it is right, and half the interval."""
+    axis = fit_thermal(
+        reduce_sweep([swept(planned, np.random.default_rng([seed, index, 5]))])
+    ).axes[0]
+    if axis.change is None or axis.jump:
+        return np.array([False]), np.array([np.nan])
+    degree = axis.model.to_results()["degree"]
+    return np.array([degree == thermal.DEGREE]), np.array([axis.change.high - axis.change.value])
 
 
 def aided(white: float, walk: float, reference: float, rate: float, seed: int, index: int):
@@ -297,9 +315,13 @@ def _others(study: Study, each, runs: int) -> None:
         study.share("refused", refused, 0.0, 0.01)
     for cycles in (1, 3):
         planned = thermal.sweep(dict.fromkeys("xyz", SWEPT), 25.0, 0.5, cycles)
-        (change,), _ = each(sweep, planned, runs=max(10, runs // 2))
+        (change,), _ = each(sweep, planned, runs=10 * runs)
+        (right, half), _ = each(whole_sweep, planned, runs=max(8, runs // 6))
         print(f"thermal, {cycles} cycles of 25 °C at 0.5 °C/min")
         study.row("change", change, planned.std, "°/s", np.radians(1))
+        told = np.degrees([planned.half, np.sqrt(np.mean(half[right] ** 2))])
+        print(f"  half of the chapter's interval (jackknife){told[0]:11.4g}{told[1]:11.4g} °/s")
+        study.share("degree found", right.mean(), 0.6, 1.0)
     for walk in (0.0, 2e-4):
         given = 2e-3, walk, 5e-3, 0.5
         planned = trajectory.aided(*given)
