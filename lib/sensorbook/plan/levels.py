@@ -13,6 +13,7 @@ from sensorbook.export.source import Entry, read_results
 from sensorbook.noise.model import TERMS, NoiseTerms
 from sensorbook.recordings.checks import finite
 
+SMALLEST, LARGEST = 1e-20, 1e6  # SI, of a level of any sensor
 RATE = 100.0  # Hz, where nothing tells it
 # A data sheet has no K: taken so that the flat of B ends after so long, K √(τ/3) = 0.664 B there.
 FLAT_ENDS = 1000.0  # s
@@ -90,21 +91,29 @@ def of_results(
         for term in TERMS:
             entry = noise.at(axis, mend=mend).get(term)
             if entry.value is not None:
-                found[term] = entry.at("value").magnitude()
+                found[term] = _level(entry.at("value"))
             elif term == wanted:
                 bound = noise.at(axis, mend=mend).get("upper_bounds").get(term)
                 if bound.value is not None:
-                    found[term] = bound.magnitude()
+                    found[term] = _level(bound)
                     bounds.add((axis, term))
         if wanted and not found.get(wanted):
             continue
         if not found.get("random_walk"):
-            raise noise.at(axis, mend=mend).get("random_walk").wrong("is missing", mend)
+            raise noise.at(axis, mend=mend).get("random_walk").wrong("is missing or 0", mend)
         axes[axis] = NoiseTerms(**found)
     if not axes:
         shown = wanted.replace("_", " ")
         raise noise.wrong(f"no axis shows a {shown} or bounds it", mend)
     return Levels(sensor, axes, rate or _rate(results, sensor), str(path), frozenset(bounds))
+
+
+def _level(entry: Entry) -> float:
+    """A level that a sensor may have, or 0."""
+    value = entry.magnitude()
+    if value and not SMALLEST < value < LARGEST:
+        raise entry.wrong(f"{value:g} is no noise level of a sensor")
+    return value
 
 
 def _rate(results: Entry, sensor: str) -> float:
