@@ -208,6 +208,6 @@ class Likelihood:
 
 def _weighted_nnls(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> np.ndarray:
     scaled = a * weight[:, None]
-    norm = np.linalg.norm(scaled, axis=0)
+    norm = np.sqrt(np.einsum("fk,fk->k", scaled, scaled))
     r = np.linalg.qr(np.column_stack([scaled / norm, weight * b]), mode="r")
     return optimize.nnls(r[:, :-1], r[:, -1], maxiter=200)[0] / norm

@@ -153,16 +153,32 @@ def _fit(f, p, lines, floor: float, edge: float, chosen: tuple[int, ...]):
     u = (f / edge) ** 2
     powers = np.stack([u**k for k in chosen]) if chosen else np.zeros((1, len(f)))
 
+    measured, slopes = p / floor, np.stack([edge / f, 1 / u])
+
+    def model(x):
+        gain = 1 / np.maximum(1 + x[3:] @ powers if chosen else np.ones_like(f), 1e-3)
+        return gain, x[0] * gain + x[1:3] @ slopes
+
     def residual(x):
-        model = x[0] / np.maximum(1 + x[3:] @ powers if chosen else 1.0, 1e-3)
-        ratio = p / (floor * (model + x[1] * edge / f + x[2] / u))
+        ratio = measured / model(x)[1]
         return np.sign(ratio - 1) * np.sqrt(lines * np.maximum(ratio - 1 - np.log(ratio), 0))
+
+    def jacobian(x):
+        gain, total = model(x)
+        above, r = measured / total - 1, np.abs(residual(x))
+        near = np.abs(above) < 1e-5  # r is √(ν/2) of it there, and both are small
+        factor = np.where(
+            near, np.sqrt(lines / 2), lines * np.abs(above) / np.where(near, 2, 2 * r)
+        )
+        bent = np.where(gain < 1e3, -x[0] * gain**2, 0) * powers[: len(chosen)]
+        return -(factor / total * np.vstack([gain, slopes, bent])).T
 
     first = np.zeros(len(chosen))
     first[-1:] = 1.0
     fit = optimize.least_squares(
         residual,
         [1.0, 1e-6, 1e-9, *first],
+        jacobian,
         bounds=([0.05, 0, 0, *[-1] * len(chosen)], [20, 10, 1, *[10] * len(chosen)]),
         x_scale=[1, 0.01, 1e-3, *[0.1] * len(chosen)],
     )
