@@ -310,7 +310,10 @@ def _others(study: Study, each, runs: int) -> None:
         (hard, soft, direction), refused = each(turn, seconds, louder)
         print(f"rotation, {seconds:g} s, {louder:g} times a consumer triad's noise")
         study.row("hard iron", hard, planned["hard_iron"], "nT", 1e-9)
-        study.row("soft iron", soft, planned["soft_iron"], "1e-3", 1e-3)
+        # The plan tells that of the worse of its diagonal and its cross terms.
+        groups = soft[:, [0, 3, 5]], soft[:, [1, 2, 4]]
+        worse = max(groups, key=lambda errors: np.mean(errors**2))
+        study.row("soft iron", worse, planned["soft_iron"], "1e-3", 1e-3)
         study.row("direction", direction, planned["direction"], "°", np.radians(1))
         study.share("refused", refused, 0.0, 0.01)
     for cycles in (1, 3):
