@@ -10,6 +10,7 @@ are all but independent: correlations are below 0.13, and `flicker_lines` gives 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import fft, special
@@ -63,9 +64,7 @@ def cosine_spectrum(values: np.ndarray, rate: float) -> CosineSpectrum:
     columns = np.asarray(values).reshape(len(values), -1).T
     n = columns.shape[1]
     j = np.arange(1, n)
-    first = np.unique(np.round(np.exp(np.arange(0, np.log(n), np.log1p(BIN)))).astype(np.int64))
-    first = first[first < n] - 1
-    lines = np.diff(np.append(first, n - 1))
+    first, lines, flicker = _bins(n)
 
     def binned(quantity):
         return np.add.reduceat(quantity, first) / lines
@@ -83,12 +82,24 @@ def cosine_spectrum(values: np.ndarray, rate: float) -> CosineSpectrum:
         frequency=binned(j * (rate / (2 * n))),
         density=np.stack(density, axis=1),
         lines=lines,
-        flicker=binned(flicker_lines(j)),
+        flicker=flicker,
         ramp=np.stack(product, axis=1),
         ramp_square=binned(ramp**2),
         samples=n,
         rate=rate,
     )
+
+
+@lru_cache(maxsize=4)
+def _bins(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First line of each bin of a record of n samples, counted from 0; its lines; its flicker."""
+    first = np.unique(np.round(np.exp(np.arange(0, np.log(n), np.log1p(BIN)))).astype(np.int64))
+    first = first[first < n] - 1
+    lines = np.diff(np.append(first, n - 1))
+    flicker = np.add.reduceat(flicker_lines(np.arange(1, n)), first) / lines
+    for shared in (first, lines, flicker):
+        shared.setflags(write=False)
+    return first, lines, flicker
 
 
 def flicker_lines(j: np.ndarray) -> np.ndarray:
