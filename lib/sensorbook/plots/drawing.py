@@ -31,24 +31,25 @@ def drawn(figure: Figure, dpi: int) -> Image.Image:
 def _drawn(figure: Figure, dpi: int) -> Image.Image:
     lighten(figure)
     engine = figure.get_layout_engine()
-    if not isinstance(engine, ConstrainedLayoutEngine):
-        # Something may lie outside of the figure: laid out in one drawing, drawn in another.
+    box = None
+    if isinstance(engine, ConstrainedLayoutEngine):
+        figure.set_dpi(dpi)
+        if len(figure.axes) == 1 and not figure.legends and not figure.get_suptitle():
+            # The plain layout measures axes once, not twice, and puts axes that are alone at the same
+            # place: unless their numbers change with their size, which may push something off the edge.
+            pad = engine.get()["w_pad"] * 72 / plt.rcParams["font.size"]
+            figure.set_layout_engine("tight", pad=pad)
+            image, box = _inked(figure)
+            figure.set_layout_engine(engine)
+        if box is None:
+            image, box = _inked(figure)
+    if box is None:
+        # Something lies outside of the figure: laid out in one drawing, drawn in another.
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=dpi, bbox_inches="tight", pad_inches=MARGIN)
         return Image.open(buffer).convert("RGB")
-    figure.set_dpi(dpi)
-    box = None
-    if len(figure.axes) == 1 and not figure.legends and not figure.get_suptitle():
-        # The plain layout measures axes once, not twice, and puts axes that are alone at the same
-        # place: unless their numbers change with their size, which may push something off the edge.
-        pad = engine.get()["w_pad"] * 72 / plt.rcParams["font.size"]
-        figure.set_layout_engine("tight", pad=pad)
-        image, box = _inked(figure)
-        figure.set_layout_engine(engine)
-    if box is None:
-        image, box = _inked(figure)
     margin = round(MARGIN * dpi)
-    left, top, right, bottom = box or (0, 0, *image.size)
+    left, top, right, bottom = box
     return image.crop(
         (
             max(left - margin, 0),
