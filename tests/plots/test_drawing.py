@@ -76,6 +76,15 @@ def test_nothing_is_cut_off(layout):
     assert (image.min(axis=2) < 100).any()
 
 
+def test_what_the_layout_leaves_outside_is_not_cut_off():
+    figure = plt.figure(figsize=(4, 3), layout="constrained")
+    figure.text(0.98, 0.5, "half outside of the figure")  # no part of the layout
+    image = np.asarray(drawn(figure, DPI)).astype(int)
+    edges = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    assert (edges == 255).all()
+    assert (image < 100).any(axis=(0, 2)).sum() > DPI  # the whole width of the text
+
+
 def test_axes_alone_lie_where_the_constrained_layout_puts_them():
     image = drawn(decades().figure, DPI)
     figure = decades().figure
