@@ -1,0 +1,143 @@
+"""Time of a whole report beside one papermill and one nbconvert command a chapter.
+
+    python benchmarks/engine_speed.py [--seed 1] [--runs 3] [--only psd …]
+
+The device is the simulated AHRS with all its chapters, two sensors one after the other. Goals: at least
+5 times faster than the peers with one job; at most 3 s where nothing has changed; at least 1.6 times
+faster with two jobs than with one (on two cores). The peers run the same notebooks with the same
+parameters in the same order, without the cells that only teach, as reports leave them out, and read the
+thermal records of a report made before. All have one thread of BLAS. Reports are rendered `--runs`
+times, one and two jobs in turn, and the median told; the peers and the engine "kernel", for
+information, once. CPU is that of all processes together: where a machine is busy with something else,
+only that can be compared.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import nbformat
+
+from sensorbook.reporting.chapters import CHAPTERS
+
+BIN = Path(sys.executable).parent
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+PEERS, UNCHANGED, TWO_JOBS = 5.0, 3.0, 1.6  # goals: times, s, times
+SENSORS = ("gyroscope", "accelerometer")
+KINDS = ("thermal", "static")  # of the device's recordings
+
+
+class Took(NamedTuple):
+    """Wall and CPU time of a command, s, and what it said."""
+
+    wall: float
+    cpu: float
+    said: str = ""
+
+    def __add__(self, other: Took) -> Took:
+        return Took(self.wall + other.wall, self.cpu + other.cpu)
+
+    def over(self, other: Took) -> str:
+        return f"{self.wall / other.wall:5.2f} times, CPU {self.cpu / other.cpu:5.2f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--only", nargs="+", metavar="CHAPTER", help="for a quick trial")
+    options = parser.parse_args()
+    chosen = [c for c in CHAPTERS if c.kind in KINDS and c.slug in (options.only or [c.slug])]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name).resolve()
+        device, reports = folder / "device", folder / "reports"
+        timed("sensorbook", "simulate", device, "--preset", "ahrs", "--seed", options.seed)
+        command = ["sensorbook", "report", device, "--only", *(c.slug for c in chosen)]
+        command = command if options.only else command[:3]
+        print(
+            f"simulated AHRS, {len(chosen) * len(SENSORS)} chapters,"
+            f" {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before",
+            flush=True,
+        )
+        jobs: dict[int, list[Took]] = {1: [], 2: []}
+        for _ in range(options.runs):
+            for number, times in jobs.items():
+                times.append(timed(*command, "--out", reports, "--jobs", number, "--force"))
+        one, two = median(jobs[1]), median(jobs[2])
+        tell("report, 1 job", one)
+        tell("report, 2 jobs", two, f"{one.over(two)}   goal {TWO_JOBS:g} times")
+        again = median(
+            [timed(*command, "--out", reports, "--jobs", 1) for _ in range(options.runs)]
+        )
+        same = again.said.count(": unchanged")
+        tell("nothing changed", again, f"goal {UNCHANGED:g} s   {same} chapters unchanged")
+        papermill, nbconvert = peers(chosen, device, reports, folder)
+        both = papermill + nbconvert
+        tell("papermill", papermill)
+        tell("jupyter nbconvert", nbconvert)
+        tell("both, to 1 job", both, f"{both.over(one)}   goal {PEERS:g} times")
+        kernel = timed(*command, "--out", folder / "kernel", "--jobs", 1, "--engine", "kernel")
+        tell("kernel, 1 job", kernel, kernel.over(one))
+
+
+def peers(chosen: list, device: Path, reports: Path, folder: Path) -> tuple[Took, Took]:
+    """Times of papermill and of nbconvert, a command for each chapter and sensor."""
+    papermill = nbconvert = Took(0.0, 0.0)
+    made = reports / next(reports.glob("*/results.json")).parent.name
+    for sensor in SENSORS:
+        for chapter in chosen:
+            source = folder / f"{chapter.slug}.ipynb"
+            taught = nbformat.read(chapter.notebook, as_version=4)
+            taught.cells = [c for c in taught.cells if "teaching" not in c.metadata.get("tags", ())]
+            nbformat.write(taught, source)
+            given = {"device": device, "sensor": sensor}
+            for need in chapter.needs:
+                record = made / sensor / f"{need}.json"
+                given[f"{need}_record"] = record if record.is_file() else ""
+            parameters = [part for key, value in given.items() for part in ("-r", key, value)]
+            output = folder / f"{sensor}-{chapter.slug}.ipynb"
+            papermill += timed("papermill", source, output, *parameters, "--cwd", folder)
+            nbconvert += timed("jupyter", "nbconvert", "--to", "html", output)
+    return papermill, nbconvert
+
+
+def timed(command: str, *arguments: object) -> Took:
+    """Times of a command of this environment, which must end well."""
+    before, began = cpu(), time.monotonic()
+    done = subprocess.run(
+        [BIN / command, *map(str, arguments)], env=os.environ | ONE_THREAD, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    took = Took(time.monotonic() - began, cpu() - before, done.stdout)
+    if done.returncode:
+        raise SystemExit(f"{command} {' '.join(map(str, arguments))}:\n{done.stdout}")
+    return took
+
+
+def cpu() -> float:
+    """CPU time of all that this process started and that has ended, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def median(times: list[Took]) -> Took:
+    walls, cpus, said = zip(*times, strict=True)
+    return Took(statistics.median(walls), statistics.median(cpus), said[-1])
+
+
+def tell(what: str, took: Took, more: str = "") -> None:
+    line = f"  {what:<18}{took.wall:7.1f} s, CPU {took.cpu:7.1f} s   {more}"
+    print(line.rstrip(), flush=True)
+
+
+if __name__ == "__main__":
+    main()
