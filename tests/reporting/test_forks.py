@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -119,16 +120,15 @@ def test_nothing_of_a_fork_reaches_this_process(tmp_path):
     def changes():
         matplotlib.rcParams["lines.linewidth"] = 77
         os.chdir(tmp_path)
-        np.random.seed(0)  # noqa: NPY002
+        random.seed(0)
         os.environ["CHANGED"] = "1"
 
-    before = matplotlib.rcParams["lines.linewidth"], os.getcwd(), np.random.get_state()[1][0]  # noqa: NPY002
+    def state():
+        return matplotlib.rcParams["lines.linewidth"], os.getcwd(), random.getstate()
+
+    before = state()
     apart(changes)
-    assert (
-        matplotlib.rcParams["lines.linewidth"],
-        os.getcwd(),
-        np.random.get_state()[1][0],
-    ) == before  # noqa: NPY002
+    assert state() == before
     assert "CHANGED" not in os.environ
 
 

@@ -32,6 +32,7 @@ class Job:
     force : whether to render what is up to date, too
     engine : "warm" or "kernel"
     debug : whether to tell where a fault is
+    steps : chapters that it is likely to have, by its declaration, for progress
     """
 
     path: str
@@ -40,6 +41,7 @@ class Job:
     force: bool = False
     engine: str = "warm"
     debug: bool = False
+    steps: int = 0
 
 
 @dataclass(frozen=True)
@@ -89,17 +91,16 @@ def open_device(job: Job, tell: Tell) -> Opened | Record:
     said = Telling(tell)
     tree = Tree(job.out)
     source = open_source(Path(job.path), said)
-    if source is None:
-        return Record(None, problems=tuple(said.problems))
-    if not _has_place(source, tree, said):
-        return Record(None)
+    if source is None or not _has_place(source, tree, said):
+        said.more(-job.steps)
+        return Record(None, problems=tuple(said.problems) if source is None else ())
     try:
-        key = keys.of_device(sensorbook.load(job.path))
+        key = keys.of_device(sensorbook.load(source.path))
     except InputError:
         key = ""
     opened = Opened(job, source, key)
     tasks = _tasks(opened, tree)
-    said.more(len(tasks))
+    said.more(len(tasks) - job.steps)
     if not job.force and (current := _current(opened, tasks, tree)):
         for task in tasks:
             said.step(task.name, "unchanged", None)
@@ -122,7 +123,7 @@ def render_device(opened: Opened, tell: Tell, slots: Slots) -> Record:
     with Tree(job.out) as tree, tree.locked(source.id, waits):
         tasks = _tasks(opened, tree)
         if job.engine == "warm" and tasks and _size(source) < HELD:
-            hold(job.path)
+            hold(source.path)
         worker = Worker(tree, slots, 1, said, job.engine, job.force, job.debug)
         worker.work_off(tasks)
         fed = [c for c in chapters.CHAPTERS if any(source.feeds(c, s) for s in c.sensors)]

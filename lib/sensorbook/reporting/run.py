@@ -47,9 +47,14 @@ def report(
         said.problem(f"{junit_file}: cannot be written — name a file in a folder that is there")
         return 1
     paths = [Path(path) for path in paths]
-    if same_ids([(glance(path), path) for path in paths], said):
+    only = tuple(only)
+    seen = [glance(path, only) for path in paths]
+    if same_ids([(name, path) for (name, _), path in zip(seen, paths, strict=True)], said):
         return 1
-    given = [Job(str(path), out, tuple(only), force, engine, debug) for path in paths]
+    given = [
+        Job(str(path), out, only, force, engine, debug, steps)
+        for (_, steps), path in zip(seen, paths, strict=True)
+    ]
     stopped: dict[int, list[str]] = {}
     suites: dict[int, Any] = {}
     records = _Records()
@@ -144,6 +149,7 @@ def here(given: Sequence[Job], jobs: int, said: Said, done: Done) -> None:
         else:
             done(number, what)
 
+    said.more(sum(job.steps for job in given))
     for number, job in enumerate(given):
         forks.add((number, 0), partial(open_device, job), partial(ended, number), heard)
     try:

@@ -80,8 +80,10 @@ def _prefix() -> str:
 def _is_running(process: int) -> bool:
     try:
         os.kill(process, 0)
+        # Ended, but its parent has yet to read how: to `kill` it is still there.
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+        return state not in ("Z", "X")
     except ProcessLookupError:
         return False
-    except OSError:
+    except OSError:  # another user's, or a system without /proc
         return True
-    return True

@@ -35,6 +35,8 @@ from papermill.engines import Engine, papermill_engines
 from traitlets import List, Type
 from traitlets.config import Config
 
+from sensorbook import units
+
 NAME = "warm"
 
 
@@ -202,13 +204,14 @@ def _no_input(*_: Any) -> str:
 
 
 def warm_up(notebooks: Iterable[Path]) -> None:
-    """Imports here what some notebooks will, so that their forks need not, and finds the fonts."""
+    """Makes here what all forks would: imports of some notebooks, the fonts and the table of units."""
     for name in sorted({name for notebook in notebooks for name in _imported(notebook)}):
         with contextlib.suppress(ImportError):  # theirs to tell
             importlib.import_module(name)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    units.factor("deg/s", "rad/s")
     figure = Figure()
     figure.subplots().set_title("$N$")
     FigureCanvasAgg(figure).draw()

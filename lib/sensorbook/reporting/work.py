@@ -9,7 +9,7 @@ import re
 import tempfile
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from sensorbook.errors import InputError
 from sensorbook.guessing import device_id, guess_rows, told
 from sensorbook.recordings.bags import storage_file
 from sensorbook.recordings.checks import RESERVED_IDS
-from sensorbook.reporting import keys, results
+from sensorbook.reporting import chapters, keys, results
 from sensorbook.reporting.chapters import ATTITUDE, Chapter
 from sensorbook.reporting.forks import Ended, Forks, Slots
 from sensorbook.reporting.tree import Tree
@@ -150,26 +150,52 @@ def open_source(path: Path, said: Said) -> Source | None:
 
 def _declared_id(declaration: Path) -> tuple[str, bool]:
     """The id of a device that cannot be read otherwise, "" for none, and whether its file is TOML."""
-    data = b""
+    name, table = _declared(declaration)
+    return name, table is not None
+
+
+def _declared(declaration: Path) -> tuple[str, dict[str, Any] | None]:
+    """A device's id, "" for none, and its declaration as it stands; None where that is no TOML."""
+    data, table = b"", None
     with contextlib.suppress(OSError):
         data = declaration.read_bytes()
     try:
-        name, parsed = tomli.loads(data.decode("utf-8-sig")).get("id"), True
+        table = tomli.loads(data.decode("utf-8-sig"))
+        name = table.get("id")
     except (ValueError, RecursionError):  # UnicodeDecodeError is one, too
         text = data.decode("utf-8-sig", "replace")
         head = re.split(r"^\s*\[", text, maxsplit=1, flags=re.MULTILINE)[0]
         line = re.search(r"""^\s*id\s*=\s*(["'])(.*?)\1""", head, re.MULTILINE)
-        name, parsed = line and line[2], False
+        name = line and line[2]
     if isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
-        return ("" if name in RESERVED_IDS else name), parsed
-    return "", parsed
+        return ("" if name in RESERVED_IDS else name), table
+    return "", table
 
 
-def glance(path: Path) -> str:
-    """The id that the device in a folder or a recording will have; "" where that cannot be told yet."""
+def glance(path: Path, only: Collection[str] = ()) -> tuple[str, int]:
+    """What can be told of a device without opening it.
+
+    The id that it will have, "" where that is not known, and how many chapters, of `only` where any
+    are named.
+    """
+    with contextlib.suppress(InputError):  # opening tells
+        if not (path / "device.toml").is_file():
+            path = storage_file(path) or path
     if path.is_file() and path.name != "device.toml":
-        return device_id(path.name.split(".")[0])
-    return _declared_id(path if path.name == "device.toml" else path / "device.toml")[0]
+        return device_id(path.name.split(".")[0]), 1
+    name, table = _declared(path if path.name == "device.toml" else path / "device.toml")
+    listed = (table or {}).get("recording")
+    recorded = frozenset(
+        (str(recording.get("sensor")), str(recording.get("kind")))
+        for recording in (listed if isinstance(listed, list) else ())
+        if isinstance(recording, dict)
+    )
+    source = Source(path, name, {}, recorded, ())
+    return name, sum(
+        source.feeds(chapter, sensor) and (not only or chapter.slug in only)
+        for sensor in results.sensors()
+        for chapter in chapters.CHAPTERS
+    )
 
 
 def same_ids(named: Sequence[tuple[str, Path]], said: Said) -> bool:
