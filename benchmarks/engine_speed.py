@@ -32,7 +32,7 @@ from sensorbook.reporting.chapters import CHAPTERS
 BIN = Path(sys.executable).parent
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 PEERS, UNCHANGED, TWO_JOBS = 5.0, 3.0, 1.6  # goals: times, s, times
-SENSORS = ("gyroscope", "accelerometer")
+SENSORS = ("accelerometer", "gyroscope")  # of the device, in the order of reports
 KINDS = ("thermal", "static")  # of the device's recordings
 
 
