@@ -26,6 +26,7 @@ from sensorbook.noise.lowpass import LowPass, low_pass_of
 from sensorbook.noise.model import TERMS
 from sensorbook.noise.result import AxisNoise, NoiseEstimate
 from sensorbook.noise.whittle import REACH, fit_spectrum
+from sensorbook.shared import shared
 
 LEAST_EDF = 10.0  # a deviation with fewer degrees of freedom is uncertain by more than a quarter
 LEAST_LEFT = 0.1  # share of the Allan variance that is left where periodic components are taken off
@@ -73,6 +74,7 @@ class Identified:
         return self.fit._repr_html_()
 
 
+@shared
 def identify_noise(values: np.ndarray, rate: float, sensor: str = "") -> Identified:
     """Noise terms of a rest; shocks, periodic components and the low-pass are kept from them.
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import sensorbook
+from sensorbook import shared
 from sensorbook.errors import InputError
 from sensorbook.recordings.advice import lacks_gyroscope
 from sensorbook.recordings.device import hold
@@ -64,11 +66,12 @@ class Record:
 
 @dataclass(frozen=True)
 class Opened:
-    """A device that has something to render."""
+    """A device that has something to render: chapters with these notebooks."""
 
     job: Job
     source: Source
     key: str
+    notebooks: tuple[Path, ...] = ()
 
 
 class Telling:
@@ -106,7 +109,7 @@ def open_device(job: Job, tell: Tell) -> Opened | Record:
             said.step(task.name, "unchanged", None)
         said.line(str(Path(job.out) / source.id / "index.html"))
         return Record(current, changed=False)
-    return opened
+    return replace(opened, notebooks=tuple(sorted({task.chapter.notebook for task in tasks})))
 
 
 def render_device(opened: Opened, tell: Tell, slots: Slots) -> Record:
@@ -124,6 +127,7 @@ def render_device(opened: Opened, tell: Tell, slots: Slots) -> Record:
         tasks = _tasks(opened, tree)
         if job.engine == "warm" and tasks and _size(source) < HELD:
             hold(source.path)
+            shared.folder = Path(tempfile.mkdtemp(dir=tree.aside))
         worker = Worker(tree, slots, 1, said, job.engine, job.force, job.debug)
         worker.work_off(tasks)
         fed = [c for c in chapters.CHAPTERS if any(source.feeds(c, s) for s in c.sensors)]

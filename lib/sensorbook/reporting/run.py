@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -139,7 +139,7 @@ def here(given: Sequence[Job], jobs: int, said: Said, done: Done) -> None:
     def ended(number: int, what: Opened | Record | Ended) -> None:
         if isinstance(what, Opened):
             if what.job.engine == "warm":
-                _warm_up()
+                _warm_up(frozenset(what.notebooks))
             call = partial(render_device, what, slots=slots)
             forks.add((number, 1), call, partial(ended, number), heard)
         elif isinstance(what, Ended):
@@ -158,9 +158,10 @@ def here(given: Sequence[Job], jobs: int, said: Said, done: Done) -> None:
         slots.close()
 
 
-def _warm_up() -> None:
+@cache
+def _warm_up(notebooks: frozenset[Path]) -> None:
     """Imports all that chapters and pages need, once."""
-    from sensorbook.reporting import chapters, render, warm
+    from sensorbook.reporting import render, warm
 
-    warm.warm_up([chapter.notebook for chapter in chapters.CHAPTERS])
     render.warm_up()
+    warm.warm_up(notebooks)

@@ -12,6 +12,7 @@ import ast
 import asyncio
 import builtins
 import contextlib
+import gc
 import importlib
 import io
 import os
@@ -215,6 +216,7 @@ def warm_up(notebooks: Iterable[Path]) -> None:
     figure = Figure()
     figure.subplots().set_title("$N$")
     FigureCanvasAgg(figure).draw()
+    gc.freeze()  # what is here stays: forks that looked through it again would copy its memory, too
 
 
 def _imported(notebook: Path) -> set[str]:
