@@ -271,6 +271,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument(
         "--cluster",
+        type=_address,
         metavar="ADDRESS",
         help="render on the workers of a Dask cluster, such as tcp://10.0.0.1:8786",
     )
@@ -469,6 +470,12 @@ def _columns(text: str) -> dict[str, str]:
 def _folder(text: str) -> str:
     if not text:
         raise argparse.ArgumentTypeError("'' names no folder")
+    return text
+
+
+def _address(text: str) -> str:
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f"{text!r} names no scheduler")
     return text
 
 

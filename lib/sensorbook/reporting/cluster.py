@@ -25,7 +25,7 @@ from sensorbook.reporting.forks import die_with
 from sensorbook.reporting.work import Said
 
 RETRIES = 3  # of a device whose process died; a lost worker's devices go to others in any case
-CONNECT = 30  # s
+CONNECT = 10  # s
 
 Done = Callable[[int, Record], None]
 _thread = threading.local()

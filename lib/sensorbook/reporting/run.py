@@ -69,7 +69,7 @@ def report(
     try:
         with Tree(out) as tree:
             tree.tidy()
-            if cluster:
+            if cluster is not None:
                 from sensorbook.reporting.cluster import on_cluster
 
                 on_cluster(cluster, given, said, done)
