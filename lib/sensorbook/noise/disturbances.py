@@ -9,6 +9,7 @@ from scipy import fft, ndimage, stats
 
 from sensorbook.errors import Refusal
 from sensorbook.noise.cosine import CosineSpectrum, cosine_spectrum
+from sensorbook.shared import shared
 
 SHOCK_SIGMAS = 10.0  # no normal variable gets there; sensors with heavy tails reach 9
 TREND = 1001  # samples of the running median that shocks stand out from
@@ -94,6 +95,7 @@ class Calm:
     steps: tuple[tuple[Step, ...], ...]
 
 
+@shared
 def calmed(values: np.ndarray, rate: float) -> Calm:
     """A rest with its shocks bridged and its steps taken out; see `bridge` and `take_out_steps`.
 

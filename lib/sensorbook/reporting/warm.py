@@ -60,6 +60,8 @@ class WarmEngine(Engine):
         `checkpoint`, but for the last second.
         """
         _as_a_kernel_starts()
+        if InteractiveShell.initialized():  # where a report is made from within a notebook
+            type(InteractiveShell.instance()).clear_instance()
         shell = _ZMQLikeShell.instance(config=_CONFIG)
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         saved = 0.0
@@ -209,6 +211,7 @@ def warm_up(notebooks: Iterable[Path]) -> None:
     for name in sorted({name for notebook in notebooks for name in _imported(notebook)}):
         with contextlib.suppress(ImportError):  # theirs to tell
             importlib.import_module(name)
+    import matplotlib.pyplot  # noqa: F401, as every figure does
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
