@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -474,8 +475,8 @@ def _folder(text: str) -> str:
 
 
 def _address(text: str) -> str:
-    if not text.strip():
-        raise argparse.ArgumentTypeError(f"{text!r} names no scheduler")
+    if not re.fullmatch(r"((tcp|tls|ws|wss|ucx)://)?[^:/\s]+:\d+", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is no scheduler's address, as tcp://10.0.0.1:8786")
     return text
 
 

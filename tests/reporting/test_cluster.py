@@ -125,7 +125,7 @@ def test_every_report_is_there_though_a_worker_is_killed(cluster, tmp_path):
 
 def test_no_scheduler_is_one_line(tmp_path, capsys):
     device = write_device(tmp_path / "d", "dev-1", [("gyroscope", "static")])
-    for address, code in (("tcp://127.0.0.1:9", 1), ("nonsense://x", 1), ("", 2)):
+    for address, code in (("tcp://127.0.0.1:9", 1), ("http://a:1", 2), ("foo", 2), ("", 2)):
         given = ["report", str(device), "--out", str(tmp_path), "--cluster", address]
         assert cli.main(given) == code
         error = capsys.readouterr().err

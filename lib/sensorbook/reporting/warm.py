@@ -88,7 +88,6 @@ papermill_engines.register(NAME, WarmEngine)
 
 _CONFIG = Config()
 _CONFIG.HistoryManager.enabled = False  # neither a file nor a thread for it
-_CONFIG.InteractiveShell.colors_force = True
 
 # As the kernel tells it (ipykernel.ipkernel.IPythonKernel.language_info).
 _LANGUAGE = {
