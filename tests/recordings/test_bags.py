@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import zstandard
 from mcap.writer import CompressionType
+from rosbags import rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from scipy.spatial.transform import Rotation
 
@@ -401,6 +402,24 @@ def test_an_empty_bag(tmp_path, form):
     assert refused(path) == f"log.dat: holds no readings of a sensor — {WANTED}"
 
 
+def test_a_topic_on_which_nothing_was_published(tmp_path):
+    store, kind = bag_writers.ROS2, "sensor_msgs/msg/Imu"
+    folder = tmp_path / "drive"
+    with rosbag2.Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        writer.add_connection("/imu/data", kind, typestore=store)
+        writer.add_connection("/odometry", "nav_msgs/msg/Odometry", typestore=store)
+    path = folder / "drive.db3"
+    mend = "record it while something publishes /imu/data"
+    assert refused(path) == (
+        "drive.db3: holds no readings of a sensor: /imu/data (sensor_msgs/Imu without a message), "
+        f"/odometry (nav_msgs/Odometry without a message) — {mend}"
+    )
+    assert refused(path, "/imu/data") == f"drive.db3: table '/imu/data': holds no message — {mend}"
+    assert (
+        refused(path, "/odometry") == f"drive.db3: table '/odometry': holds no message — {WANTED}"
+    )
+
+
 def test_messages_that_are_not_what_their_type_says(tmp_path, numbers):
     path = tmp_path / "log.mcap"
     whole = payloads(numbers)
@@ -480,6 +499,17 @@ def test_a_whole_file_in_zstd(tmp_path):
     told = "log.db3.zstd: is compressed with zstd — inflate it first: zstd -d log.db3.zstd"
     assert refused(path) == told
     assert list(map(str, check(path)[0])) == [told]
+
+
+def test_the_folder_of_a_bag_whose_file_is_in_zstd(tmp_path, rest):
+    folder = tmp_path / "drive"
+    bag_writers.ros2_folder(folder, rest)
+    plain = folder / "drive.db3"
+    packed = _written(folder / "drive.db3.zstd", zstandard.compress(plain.read_bytes()))
+    assert len(sensorbook.load(folder).gyroscope.static) == len(rest)  # inflated beside it
+    plain.unlink()
+    told = f"is compressed with zstd — inflate it first: zstd -d {packed.name}"
+    assert [str(p) for p in check(folder)[0]] == [f"{packed.name}: {told}"]
 
 
 def test_rows_of_a_database_that_are_no_messages(tmp_path, rest):

@@ -5,7 +5,7 @@ Rows stand in the order in which they were received; nothing is sorted by the st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -43,7 +43,10 @@ def storage_file(folder: Path) -> Path | None:
     """
     if not (folder / "metadata.yaml").is_file():
         return None
-    files = sorted(p for p in folder.iterdir() if p.suffix in (".db3", ".mcap") and p.is_file())
+    there = sorted(p for p in folder.iterdir() if p.is_file())
+    files = [p for p in there if p.suffix in (".db3", ".mcap")]
+    # Compressed as whole files: what to do with one is told where it is opened.
+    files = files or [p for p in there if p.name.endswith((".db3.zstd", ".mcap.zstd"))]
     if len(files) == 1:
         return files[0]
     what = f"is a ROS 2 bag of {len(files)} files" if files else "holds no .db3 or .mcap file"
@@ -62,18 +65,26 @@ def _chosen(source: Source, table: str | None) -> Topic:
     if table in found and table not in there:
         topic = found[table]
         what = f"holds {_told(topic)}, which is not read" if topic.count else "holds no message"
-        mend = f"name one of {', '.join(map(repr, there[:12]))}" if there else _WANTED
+        mend = f"name one of {', '.join(map(repr, there[:12]))}" if there else _mend([topic])
         raise source.wrong(what, mend, f"table {table!r}")
     if not there:
         others = ", ".join(f"{t.name[:40]} ({_told(t)})" for t in [*found.values()][:6])
         what = "holds no readings of a sensor"
-        raise source.wrong(f"{what}: {others}" if others else what, _WANTED)
+        raise source.wrong(f"{what}: {others}" if others else what, _mend(found.values()))
     return found[choose(source, table, there, "topic")]
 
 
+def _mend(found: Iterable[Topic]) -> str:
+    """What to record where none of these topics can be read."""
+    silent = [t.name[:40] for t in found if t.type in LAYOUTS and not t.count]
+    return f"record it while something publishes {silent[0]}" if silent else _WANTED
+
+
 def _told(topic: Topic) -> str:
-    """Type of its messages, and their encoding where that is why they are not read."""
+    """Type of its messages, and their encoding or their absence where that is why they are not read."""
     kind = topic.type[:80] or "no type"
+    if not topic.count:
+        return f"{kind} without a message"
     return f"{kind} as {topic.encoding[:20]}" if topic.type in LAYOUTS else kind
 
 
