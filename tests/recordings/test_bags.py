@@ -19,7 +19,7 @@ from recordings import bag_writers
 from recordings.bag_writers import BEGIN, ROS2, SECOND, WRITERS, field, imu, temperature
 from recordings.mutants import OPERATIONS, mutant
 from sensorbook import InputError
-from sensorbook.guessing import new_device
+from sensorbook.guessing import guess_files, new_device
 from sensorbook.recordings import check, from_declaration, open_table
 from sensorbook.recordings.tables import table_names
 
@@ -231,6 +231,79 @@ def test_a_folder_stands_for_the_recording_in_it(tmp_path, storage):
     first = min(tmp_path / "drive" / name for name in (file, "drive_1.mcap"))
     assert str(caught.value) == (
         f"{tmp_path / 'drive'}: is a ROS 2 bag of 2 files — name one, such as {first}"
+    )
+
+
+# ---- sensors that are not there ----
+
+
+def of_imus(path, change):
+    """A bag of a rest whose Imu messages' fields are changed."""
+    messages = [m for m in several() if m.topic == "/imu/data"]
+    path.unlink(missing_ok=True)
+    bag_writers.ros1(path, [replace(m, fields=m.fields | change) for m in messages])
+
+
+NOT_GIVEN = "angular_velocity_covariance", "linear_acceleration_covariance"
+TRIPLES = [", ".join(map(repr, VECTORS[:3])), ", ".join(map(repr, VECTORS[3:]))]
+REP_145 = "a covariance that begins with −1 says that none is given (REP 145); one of 0, that it is not known"
+
+
+def test_values_that_a_covariance_takes_back(tmp_path):
+    path = tmp_path / "log.bag"
+    of_imus(path, {name: (-1.0, *[0.0] * 8) for name in NOT_GIVEN})
+    with pytest.raises(InputError) as caught:
+        guess_files([path])
+    assert str(caught.value) == (
+        f"log.bag: holds three axes without a value that a sensor can read ({', '.join(TRIPLES)}) – "
+        f"{REP_145} — record again with that sensor on"
+    )
+    of_imus(path, {NOT_GIVEN[1]: (-1.0, *[0.0] * 8)})
+    guessed = guess_files([path])
+    assert [r.table["sensor"] for r in guessed.recordings] == ["gyroscope"]
+    told = f"{TRIPLES[1]}: three axes without a value that a sensor can read – {REP_145}: left out."
+    assert f"log.bag: {told}" in guessed.left_out
+
+
+def test_an_accelerometer_that_reads_nothing_leaves_the_gyroscope(tmp_path):
+    path = tmp_path / "log.bag"
+    of_imus(path, {"linear_acceleration": (0.0, 0.0, 0.0)})
+    new_device(tmp_path / "device", [path])
+    device = sensorbook.load(tmp_path / "device")
+    assert [d.sensor for d in device.declared] == ["gyroscope"]
+    wanted = [m.fields["angular_velocity"] for m in several() if m.topic == "/imu/data"]
+    np.testing.assert_array_equal(device.gyroscope.static.values, wanted)
+    told = f"log.bag: {TRIPLES[1]}: three axes that read 0 throughout: left out."
+    assert told in guess_files([path]).left_out
+    of_imus(path, dict.fromkeys(("angular_velocity", "linear_acceleration"), (0.0, 0.0, 0.0)))
+    with pytest.raises(InputError) as caught:
+        guess_files([path])
+    assert str(caught.value) == (
+        f"log.bag: holds three axes that read 0 throughout ({', '.join(TRIPLES)}) — "
+        "record again with that sensor on"
+    )
+
+
+def test_an_acceleration_without_gravity_leaves_the_gyroscope(tmp_path):
+    path = tmp_path / "log.bag"
+    messages = [m for m in several() if m.topic == "/imu/data"]
+    for m in messages:
+        x, y, z = m.fields["linear_acceleration"]
+        m.fields["linear_acceleration"] = (x, y, z - 9.81)
+    bag_writers.ros1(path, messages)
+    guessed = guess_files([path])
+    assert [r.table["sensor"] for r in guessed.recordings] == ["gyroscope"]
+    told = f"log.bag: {TRIPLES[1]}: an acceleration without gravity, not a reading: left out."
+    assert told in guessed.left_out
+
+
+def test_a_bag_of_one_message_is_too_short(tmp_path):
+    path = tmp_path / "log.bag"
+    bag_writers.ros1(path, several(1)[:1])
+    with pytest.raises(InputError) as caught:
+        guess_files([path])
+    assert str(caught.value) == (
+        "log.bag: holds 1 row, too few for a recording — record 100 or more"
     )
 
 

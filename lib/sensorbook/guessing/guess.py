@@ -17,19 +17,14 @@ from sensorbook.errors import InputError, Problem
 from sensorbook.guessing import scales
 from sensorbook.guessing.beside import kind_beside, together
 from sensorbook.guessing.certainty import CERTAINTIES, HIGH, LOW, MEDIUM, UNKNOWN, Guess, weakest
-from sensorbook.guessing.clock import NO_CLOCK, Clock, find_clock
-from sensorbook.guessing.columns import Column, read_columns, sort_columns
+from sensorbook.guessing.clock import NO_CLOCK
+from sensorbook.guessing.columns import Column
 from sensorbook.guessing.kinds import kind_of, quaternion_of
-from sensorbook.guessing.names import sensor_of, words_of
-from sensorbook.guessing.sensors import Triple, find_sensors
-from sensorbook.recordings.tables import Table, open_table, table_names
-
-FEWEST = 100  # samples of a recording
-
-# PX4's topics that stand beside those of the sensors themselves.
-_FILTERED = {"vehicle_angular_velocity", "vehicle_acceleration", "vehicle_magnetometer"}
-
-_NAME_MEND = "name its columns in a header, such as t, gx, gy, gz, ax, ay, az, or write device.toml"
+from sensorbook.guessing.names import words_of
+from sensorbook.guessing.opened import Opened, open_one, swing, unit_of
+from sensorbook.guessing.reasons import derived, muted, problem, why_none
+from sensorbook.guessing.sensors import Triple
+from sensorbook.recordings.tables import Table, table_names
 
 
 @dataclass(frozen=True)
@@ -49,21 +44,6 @@ class Guessed:
     tables: dict[tuple[str, str | None], Table]
 
 
-@dataclass
-class _Opened:
-    """One table of one file and what its columns are; `told` is its name even where it is the only one."""
-
-    file: str
-    name: str | None
-    told: str
-    table: Table
-    clock: Clock
-    triples: list[Triple]
-    temperature: Column | None
-    quaternion: list[Column]
-    idle: list[Column]
-
-
 def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Guessed:
     """Guesses what recordings hold.
 
@@ -76,7 +56,7 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
     ------
     InputError : a file cannot be read, or none of them holds a sensor that can be told
     """
-    opened: list[_Opened] = []
+    opened: list[Opened] = []
     problems: list[Problem] = []
     for path, name in zip(paths, names or [p.name for p in paths], strict=True):
         try:
@@ -84,7 +64,7 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
             # The only one need not be named to be found, but its name may tell the sensor.
             alone = len(tables) == 1
             for table in tables or (None,):
-                opened.append(_open(path, name, None if alone else table, table or ""))
+                opened.append(open_one(path, name, None if alone else table, table or ""))
         except InputError as error:
             problems += error.problems
     if problems:
@@ -92,23 +72,23 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
     recordings, left_out = [], []
     swept = _sweep(opened)
     accelerometers = [t for o in opened for t in o.triples if t.sensor == "accelerometer"]
-    beside_si = any(_unit(t, NO_CLOCK).unit == "m/s^2" for t in accelerometers)
-    made: list[tuple[_Opened, GuessedRecording]] = []
+    beside_si = any(unit_of(t, NO_CLOCK).unit == "m/s^2" for t in accelerometers)
+    made: list[tuple[Opened, GuessedRecording]] = []
     for one in opened:
-        if derived := _derived(one):
-            left_out.append(f"{_place(one)}: {derived}: left out.")
+        if what := derived(one):
+            left_out.append(f"{one.place}: {what}: left out.")
             continue
         found, left = _recordings(one, swept, beside_si)
         made += [(one, recording) for recording in found]
         left_out += left
         if not found and one.temperature is None:
-            left_out.append(f"{_place(one)}: {_why_none(one)}: left out.")
+            left_out.append(f"{one.place}: {why_none(one)}: left out.")
     made = [(one, _beside(one, recording, made)) for one, recording in made]
     for one, recording in made:
         if better := _better(one, recording, made):
             sensor = recording.table["sensor"]
             left_out.append(
-                f"{_place(one)}: another {sensor} at the same time as {better}: left out."
+                f"{one.place}: another {sensor} at the same time as {better}: left out."
             )
         else:
             recordings.append(recording)
@@ -116,41 +96,21 @@ def guess_files(paths: Sequence[Path], names: Sequence[str] | None = None) -> Gu
     recordings += temperatures
     known = {(t.table["file"], t.table.get("table")) for t in temperatures}
     left_out += [
-        f"{_place(o)}: a temperature, which no rest goes with: left out."
+        f"{o.place}: a temperature, which no rest goes with: left out."
         for o in opened
         if o.temperature is not None and not o.triples and (o.file, o.name) not in known
     ]
     if not recordings:
-        raise InputError(*(Problem(one.file, one.name or "", _why_none(one), _NAME_MEND)
-                           for one in opened))  # fmt: skip
+        raise InputError(*map(problem, opened))
     return Guessed(tuple(recordings), tuple(left_out), {(o.file, o.name): o.table for o in opened})
 
 
-def _place(one: _Opened) -> str:
-    return one.file if one.name is None else f"{one.file}, {one.name}"
-
-
-def _derived(one: _Opened) -> str:
-    """What a phone computes of its sensors, by the name of a file or table; "" for readings."""
-    words = set(words_of(one.told or Path(one.file).stem))
-    if "gravity" in words:
-        return "gravity as it is computed, not a reading"
-    if one.told.partition(":")[0] in _FILTERED:
-        return "what PX4 has corrected and filtered in flight, not a reading"
-    words |= {w for t in one.triples for c in t.columns for w in words_of(c.name)}
-    if words & {"linear", "user"} and words & {"acceleration", "accelerometer", "acc", "accel"}:
-        unit = next((_unit(t, one.clock) for t in one.triples if t.sensor == "accelerometer"), None)
-        if unit is None or unit.certainty in (LOW, UNKNOWN):
-            return "an acceleration without gravity, not a reading"
-    return ""
-
-
 def _better(
-    one: _Opened, recording: GuessedRecording, made: Sequence[tuple[_Opened, GuessedRecording]]
+    one: Opened, recording: GuessedRecording, made: Sequence[tuple[Opened, GuessedRecording]]
 ) -> str:
     """Another recording of the same sensor at the same time that is better known; "" for none."""
 
-    def rank(pair: tuple[_Opened, GuessedRecording]) -> tuple:
+    def rank(pair: tuple[Opened, GuessedRecording]) -> tuple:
         sure = {g.key: CERTAINTIES.index(g.certainty) for g in pair[1].guesses}
         raw = bool(set(words_of(pair[0].name or pair[0].file)) & {"uncalibrated", "uncal"})
         at = next(k for k, other in enumerate(made) if other[1] is pair[1])
@@ -160,16 +120,16 @@ def _better(
     for other, rival in made:
         same = rival is not recording and rival.table["sensor"] == recording.table["sensor"]
         if same and other is not one and _together(one, other) and rank((other, rival)) < mine:
-            return _place(other)
+            return other.place
     return ""
 
 
-def _together(one: _Opened, other: _Opened) -> bool:
+def _together(one: Opened, other: Opened) -> bool:
     return together(one.clock, other.clock, one.file == other.file)
 
 
 def _beside(
-    one: _Opened, recording: GuessedRecording, made: Sequence[tuple[_Opened, GuessedRecording]]
+    one: Opened, recording: GuessedRecording, made: Sequence[tuple[Opened, GuessedRecording]]
 ) -> GuessedRecording:
     """The recording with what tables of the same time tell of it."""
     others = [r.table for other, r in made if other is not one and _together(one, other)]
@@ -180,69 +140,11 @@ def _beside(
     return _marked({k: v for k, v in recording.table.items() if k != "guessed"}, guesses)
 
 
-def _open(path: Path, file: str, name: str | None, told: str) -> _Opened:
-    table = open_table(path, file, name)
-    roles = sort_columns(read_columns(table))
-    clock = find_clock(roles.time, roles.counter, table.notes)
-    if clock.step is None:
-        unread = [c.shown for c in roles.idle if c.named.role == "time"]
-        if unread:
-            reason = f"{', '.join(unread)}: named like a time, but not to be read as one"
-            clock = Clock(None, "", None, UNKNOWN, reason)
-    if roles.temperature is not None and clock.column is not None:
-        clock = _by_temperature(clock, roles.temperature)
-    triples = [Triple.of(columns, clock) for columns in roles.triples]
-    triples = [t for t in triples if len(t.finite) >= FEWEST]
-    find_sensors(triples, _sensor_told(told) or sensor_of(Path(file).stem))
-    clock = _by_rotation(clock, triples)
-    used = {clock.column} if clock.column else set()
-    spare = [c for c in (*roles.time, *roles.counter) if c not in used]
-    idle = roles.idle + spare
-    return _Opened(
-        file, name, told, table, clock, triples, roles.temperature, roles.quaternion, idle
-    )
-
-
-def _sensor_told(table: str) -> str:
-    """The sensor that a table's name speaks of; a folder before it may speak of another."""
-    return sensor_of(table) or sensor_of(table.rpartition("/")[2])
-
-
-def _by_temperature(clock: Clock, temperature: Column) -> Clock:
-    """Rules out a unit of time in which the temperature would race."""
-    swing = _span(temperature.values)
-    if clock.certainty != LOW or swing < 2:
-        return clock
-    minutes = len(temperature.values) * clock.step / 60 / 1000  # if it were 1000 times as fast
-    if swing / minutes < 10:
-        return clock
-    reason = f"{clock.reason}, where the temperature would race by {swing / minutes:.0f} °C/min"
-    return Clock(clock.column, clock.unit, clock.step, MEDIUM, reason)
-
-
-def _by_rotation(clock: Clock, triples: Sequence[Triple]) -> Clock:
-    """The rate from a gyroscope of known unit and the field it turns, where no time tells it."""
-    for triple in triples:
-        if clock.step or triple.sensor != "gyroscope" or triple.rotation is None:
-            continue
-        unit = scales.gyroscope(triple.finite, triple.unit, triple.as_rate, None, None)
-        if unit.certainty not in (HIGH, MEDIUM):
-            continue
-        step = triple.rotation.scale / unit.si
-        percent = max(1.0, 100 * triple.rotation.error / triple.rotation.scale)
-        reason = (
-            f"{clock.reason}; where the gyroscope reads {unit.unit}, gravity turns as it does at "
-            f"{1 / step:.3g} Hz ± {percent:.0f} %"
-        )
-        return Clock(None, "", 1 / float(f"{1 / step:.3g}"), LOW, reason)
-    return clock
-
-
 def _recordings(
-    one: _Opened, swept: float, beside_si: bool
+    one: Opened, swept: float, beside_si: bool
 ) -> tuple[list[GuessedRecording], list[str]]:
     """The recordings of one table, and what of it is left out."""
-    where = one.file if one.name is None else f"{one.file}, {one.name}"
+    where = one.place
     by_sensor: dict[str, list[Triple]] = {}
     left = []
     for triple in one.triples:
@@ -253,7 +155,7 @@ def _recordings(
     chosen: dict[str, Triple] = {}
     units = {}
     for sensor, triples in by_sensor.items():
-        rated = [(t, _unit(t, one.clock, beside_si)) for t in triples]
+        rated = [(t, unit_of(t, one.clock, beside_si)) for t in triples]
         rated.sort(key=lambda pair: CERTAINTIES.index(pair[1].certainty))
         chosen[sensor], units[sensor] = rated[0]
         left += [
@@ -275,6 +177,8 @@ def _recordings(
         else:
             left.append(f"{where}: {shown}: an attitude, but whether its scalar stands first and "
                         "which way it turns cannot be told: left out.")  # fmt: skip
+    if made or one.temperature is not None:
+        left += muted(one)
     idle = [c.shown for c in one.idle]
     if idle and made:
         more = f" and {len(idle) - 12} more" if len(idle) > 12 else ""
@@ -282,17 +186,7 @@ def _recordings(
     return made, left
 
 
-def _unit(triple: Triple, clock: Clock, beside_si: bool = False) -> scales.Unit:
-    if triple.sensor == "gyroscope":
-        known = clock.step if clock.certainty in (HIGH, MEDIUM) or clock.column else None
-        return scales.gyroscope(
-            triple.finite, triple.unit, triple.as_rate, triple.rotation, known, beside_si
-        )
-    find = scales.BY_SENSOR[triple.sensor]
-    return find(triple.finite, triple.unit, triple.as_field, triple.sphere)
-
-
-def _declare(one: _Opened, triple: Triple, kind: Guess, unit: scales.Unit) -> GuessedRecording:
+def _declare(one: Opened, triple: Triple, kind: Guess, unit: scales.Unit) -> GuessedRecording:
     columns = {axis: c.reference for axis, c in zip("xyz", triple.columns, strict=True)}
     table: dict = {"sensor": triple.sensor, "kind": kind.value, "file": one.file}
     guesses = [Guess("sensor", triple.sensor, triple.certainty, triple.reason), kind]
@@ -339,7 +233,7 @@ def _marked(table: dict, guesses: Sequence[Guess]) -> GuessedRecording:
     return GuessedRecording(table, tuple(guesses))
 
 
-def _reference(one: _Opened, found: tuple[dict, str, Guess]) -> GuessedRecording:
+def _reference(one: Opened, found: tuple[dict, str, Guess]) -> GuessedRecording:
     columns, sense, guess = found
     table: dict = {"sensor": "reference", "kind": "trajectory", "file": one.file}
     if one.name is not None:
@@ -357,13 +251,13 @@ def _reference(one: _Opened, found: tuple[dict, str, Guess]) -> GuessedRecording
 # ---- temperature ----
 
 
-def _sweep(opened: Sequence[_Opened]) -> float:
+def _sweep(opened: Sequence[Opened]) -> float:
     """Largest swing of a temperature that has a table of its own, °C."""
     alone = [o.temperature for o in opened if o.temperature is not None and not o.triples]
-    return max((_span(c.values) for c in alone), default=0.0)
+    return max((swing(c.values) for c in alone), default=0.0)
 
 
-def _temperatures(opened: Sequence[_Opened], made: Sequence[GuessedRecording]):
+def _temperatures(opened: Sequence[Opened], made: Sequence[GuessedRecording]):
     """Temperature recordings in a time base of their own, for the rests they go with."""
     kinds = {m.table["kind"] for m in made} & {"static", "thermal"}
     out = []
@@ -392,28 +286,6 @@ def _temperature_unit(column: Column) -> tuple[Guess, str]:
     unit = "K" if 200 < middle < 400 else "degC"
     sure = MEDIUM if -40 < middle < 60 or unit == "K" else LOW
     return Guess("temperature_unit", unit, sure, f"it reads {middle:.4g} in the median"), unit
-
-
-def _span(values: np.ndarray) -> float:
-    return float(np.nanquantile(values, 0.99) - np.nanquantile(values, 0.01))
-
-
-def _why_none(one: _Opened) -> str:
-    if derived := _derived(one):
-        return f"holds {derived}"
-    rows = len(one.table.column(0)) if one.table.names else 0
-    if rows < FEWEST:
-        return f"holds {rows} rows, too few for a recording"
-    words = {w for c in (*one.idle, *one.quaternion) for w in words_of(c.name)}
-    if "delta" in words and words & {"angle", "velocity"} and not one.triples:
-        return (
-            "holds increments of angle and velocity, which are no rates, and no sensor's readings"
-        )
-    if words & {"latitude", "lat"} and words & {"longitude", "lon", "lng"}:
-        return "holds a satellite receiver's places, which may stand under [site], and no sensor"
-    if not one.triples:
-        return f"holds no three columns of a sensor ({len(one.table.names)} columns in all)"
-    return "holds readings of which neither names nor values tell the sensor"
 
 
 def device_id(text: str) -> str:

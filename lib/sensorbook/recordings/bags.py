@@ -18,6 +18,7 @@ from sensorbook.recordings.ros_messages import ENCODINGS, LAYOUTS, LayoutError, 
 from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, extended, too_large
 
 _ROWS = 1 << 13  # messages decoded at one go
+_NOT_GIVEN = "a covariance that begins with −1 says that none is given (REP 145); one of 0, that it is not known"
 _WANTED = f"record a topic of {', '.join(LAYOUTS)}"
 
 
@@ -33,7 +34,9 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     """
     topic = _chosen(source, table)
     layout = LAYOUTS[topic.type]
-    return Table(source.file, layout.names, partial(_columns, source, topic), units=layout.units)
+    columns = partial(_columns, source, topic)
+    missing = _NOT_GIVEN if any(f.covariance is not None for f in layout.fields) else ""
+    return Table(source.file, layout.names, columns, units=layout.units, missing=missing)
 
 
 def storage_file(folder: Path) -> Path | None:

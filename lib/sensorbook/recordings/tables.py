@@ -118,6 +118,7 @@ class Table:
     units : units that the file itself declares, one a column, "" where it does not; () for none
     notes : lines before a text file's table
     losses : what the file itself says was lost while it was recorded, in words
+    missing : how a file of this format says that a value is not given, in words
     """
 
     file: str
@@ -127,6 +128,7 @@ class Table:
     units: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
+    missing: str = ""
     _parsed: dict[int, np.ndarray] = field(default_factory=dict)
 
     def index(self, reference: str | int) -> int:
