@@ -16,6 +16,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,8 @@ def on_cluster(address: str, given: Sequence[Job], said: Said, done: Done) -> No
         raise InputError(
             Problem("--cluster", "", "needs Dask's distributed, which is not installed", mend)
         ) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)  # told by us, once
+    for part in ("", ".client", ".comm", ".core"):  # what they log is told by us, once
+        logging.getLogger(f"distributed{part}").setLevel(logging.CRITICAL + 1)
     try:
         client = Client(address, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -81,6 +83,11 @@ def _received(future: Any, job: Job, said: Said) -> Record:
     """A device's record, after all that its worker told is told."""
     try:
         told, record = future.result()
+    except CancelledError:
+        raise InputError(
+            Problem("--cluster", "", "the scheduler was lost",
+                    "start it again: the same command then goes on where this one ended")
+        ) from None  # fmt: skip
     except Exception as error:  # whatever Dask lost it to
         line = f"{job.path}: lost on the cluster ({' '.join(f'{type(error).__name__}: {error}'.split())})"
         said.problem(line)
@@ -93,7 +100,8 @@ def _received(future: Any, job: Job, said: Said) -> Record:
             ends[arguments[1]] += 1
             took += arguments[2] or 0.0
         elif what != "more":
-            getattr(said, what)(*arguments)
+            # As the user named the tree, which the worker was told in full.
+            getattr(said, what)(arguments[0].replace(os.path.abspath(job.out), job.out))
     name = record["found"]["device"]["id"] if record["found"] else job.path
     ended = ", ".join(f"{number} {status}" for status, number in ends.items())
     said.step(name, ended or "nothing to render", took or None)

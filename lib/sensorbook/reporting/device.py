@@ -17,7 +17,7 @@ from sensorbook.recordings.device import hold
 from sensorbook.reporting import chapters, keys, results
 from sensorbook.reporting.forks import Slots, Tell
 from sensorbook.reporting.tree import Tree
-from sensorbook.reporting.work import KINDS, Source, Task, Worker, open_source
+from sensorbook.reporting.work import KINDS, Source, Task, Worker, is_whole, open_source
 
 HELD = 512 << 20  # bytes of recordings up to which all chapters share what was read once
 
@@ -183,7 +183,7 @@ def _current(opened: Opened, tasks: list[Task], tree: Tree) -> dict[str, Any] | 
         same = bool(key := _key(opened, tree)) and found["key"] == key and not found["problems"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    there = all((folder / name).is_file() for name in ("index.html", "results.csv"))
+    there = is_whole(folder / "index.html") and (folder / "results.csv").is_file()
     whole = same and there and all(task.is_current(task.parameters()) for task in tasks)
     return found if whole else None
 

@@ -14,7 +14,7 @@ from sensorbook.reporting.forks import Ended, Forks, Slots
 from sensorbook.reporting.gate import gate
 from sensorbook.reporting.junit import junit_xml, needed
 from sensorbook.reporting.tree import Tree
-from sensorbook.reporting.work import Said, glance, same_ids, told_of
+from sensorbook.reporting.work import Said, glance, is_whole, same_ids, told_of
 
 Done = Callable[[int, Record], None]
 
@@ -75,7 +75,7 @@ def report(
                 on_cluster(cluster, given, said, done)
             else:
                 here(given, jobs or os.cpu_count() or 1, said, done)
-            if records.changed or (records.any and not (tree.root / "index.html").is_file()):
+            if records.changed or (records.any and not is_whole(tree.root / "index.html")):
                 from sensorbook.reporting.group import group_page
 
                 with tree.locked("."):

@@ -274,9 +274,20 @@ class Task:
 
     def is_current(self, parameters: dict[str, str]) -> bool:
         """Whether its files are there, of an earlier run that would give the same now."""
-        there = all(self.file(kind).is_file() for kind in KINDS)
+        there = all(is_whole(self.file(kind)) for kind in KINDS)
         known = self.source is None or bool(self.key_of_device)
         return there and known and keys.in_record(self.file("json")) == self.key(parameters)
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a page, record or notebook is there to its end, which copies and full disks cut off."""
+    end = b"</html>" if path.suffix == ".html" else b"}"
+    try:
+        with path.open("rb") as stream:
+            stream.seek(-min(16, path.stat().st_size), os.SEEK_END)
+            return stream.read().rstrip().endswith(end)
+    except OSError:
+        return False
 
 
 class Worker:
