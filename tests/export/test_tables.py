@@ -331,6 +331,20 @@ def test_the_list_says_which_formats_these_results_suffice_for(file, capsys):
             export(file, name)
 
 
+def test_the_list_tells_which_of_several_sensors_would_do(file, capsys):
+    def change(r):
+        for results in r["sensors"].values():
+            results.pop("calibration", None)
+
+    changed(file, change)
+    assert cli.main(["export", str(file), "--list"]) == 0
+    states = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    mend = 'record it turned freely (kind = "rotation") and render the report'
+    told = f"sensors.magnetometer.calibration: is missing — {mend}"
+    for name in ("ardupilot", "px4"):
+        assert states[name] == f"needs calibration of any sensor; {told}"
+
+
 def test_the_list_of_a_file_that_is_none(tmp_path, capsys):
     assert cli.main(["export", str(tmp_path / "no.json"), "--list"]) == 1
     assert "cannot be read: No such file" in capsys.readouterr().err

@@ -95,6 +95,8 @@ def listed(results: str | Path | None = None) -> Iterator[str]:
                 state = "ready"
             except InputError as error:
                 state = str(error.problems[0]).removeprefix(f"{results}: ")
+                if len(error.problems) > 1:  # any of which may be what to mend
+                    state = f"needs {one.needs}; {state}"
             yield f"{one.name:{width}}  {state}"
         return
     rows = [(f.name, f.suffix, f.what, f.needs) for f in (head, *FORMATS.values())]
