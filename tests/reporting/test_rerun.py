@@ -109,12 +109,12 @@ def test_a_file_that_is_missing_is_made_again(two, tmp_path, kind):
     whole = lost.read_bytes()
     for damage in (
         lost.unlink,
-        lambda: lost.write_bytes(whole[:1000]),
+        lambda: lost.write_bytes(whole[: len(whole) // 2]),
         lambda: lost.write_bytes(b""),
     ):
         damage()
         assert statuses(run([two], out)) == {"thermal": "unchanged", "allan": "complete"}
-        assert lost.stat().st_size > 1000
+        assert len(lost.read_bytes()) > 0.9 * len(whole)
 
 
 @pytest.mark.parametrize("page", ["index.html", "dev-1/index.html"])
@@ -125,7 +125,7 @@ def test_a_damaged_index_is_written_again(two, tmp_path, page):
     (out / page).write_bytes(whole[:4000])
     done = run([two], out)
     assert statuses(done) == NEITHER
-    assert (out / page).read_bytes().endswith(b"</html>\n")
+    assert (out / page).read_bytes().endswith(b"</html>")
 
 
 def test_pages_of_a_device_follow_chapters_rendered_apart(two, tmp_path):
