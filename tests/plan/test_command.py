@@ -98,6 +98,11 @@ def test_a_rate_too_low_for_any_rest_is_told():
         (["images", "--grade", "tactical"], "neither --from nor --grade"),
         (["thermal", "--span", "4"], "--span: 4: 6 °C at least"),
         (["six_position", "--levelling", "10"], "--levelling: 10: 5 degrees at most"),
+        (["static", "--within", ""], "--within: '' is no number above 0"),
+        (["thermal", "--span", "1e6"], "--span: 1e+06: 300 °C at most"),
+        (["trajectory", "--reference", "180"], "--reference: 180: 30 degrees at most"),
+        (["static", "--rate", "1e-6"], "--rate: 1e-06: 0.001 to 1e+06 Hz"),
+        (["--rate", "1e7"], "--rate: 1e+07: 0.001 to 1e+06 Hz"),
     ],
 )  # fmt: skip
 def test_wrong_usage_is_2_and_says_what_is_possible(arguments, told, capsys):

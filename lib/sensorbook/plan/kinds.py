@@ -15,9 +15,12 @@ from sensorbook.plan.words import Plan
 from sensorbook.units import SENSOR_UNITS
 
 DEFAULT_GRADE = "consumer"
-LIMITS = (  # of what the chapters refuse: option, what is good, and why
+LIMITS = (  # of what the chapters refuse, or no device meets: option, what is good, and why
+    ("rate", lambda v: 1e-3 <= v <= 1e6, "0.001 to 1e+06 Hz: no sensor is sampled otherwise"),
     ("levelling", lambda v: v <= 5, "5 degrees at most, or some rests are none of the six faces"),
     ("span", lambda v: v >= 6, "6 °C at least, or a change cannot be told from a drift with time"),
+    ("span", lambda v: v <= 300, "300 °C at most, more than any sensor bears"),
+    ("reference", lambda v: v <= 30, "30 degrees at most, or its errors are no small angles"),
 )
 
 
@@ -90,7 +93,7 @@ def plan(
         return of_results(results, of_sensor, rate, wanted)
 
     for option, good, why in LIMITS:
-        if (value := options.get(option)) is not None and not good(value):
+        if (value := {"rate": rate, **options}.get(option)) is not None and not good(value):
             raise Usage(f"--{option}: {value:g}: {why}")
     wanted = quantity if kind == "static" else ""
     default = chosen.within.get((sensor, quantity)) or chosen.within[quantity]
@@ -103,7 +106,7 @@ def plan(
             kind,
             sensor,
             quantity,
-            within_of(within or default, sensor, quantity, kind == "static"),
+            within_of(default if within is None else within, sensor, quantity, kind == "static"),
             found,
             levels,
             options.get("levelling") or rests.LEVELLING,
