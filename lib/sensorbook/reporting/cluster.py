@@ -23,7 +23,7 @@ from typing import Any
 from sensorbook.errors import InputError, Problem
 from sensorbook.reporting.device import Job, Record
 from sensorbook.reporting.forks import die_with
-from sensorbook.reporting.work import Said
+from sensorbook.reporting.work import Said, told_of
 
 RETRIES = 3  # of a device whose process died; a lost worker's devices go to others in any case
 CONNECT = 10  # s
@@ -160,4 +160,8 @@ def serve() -> None:
 
     for line in sys.stdin:
         given = json.loads(line)
-        here([Job(**given | {"only": tuple(given["only"])})], 1, said, done)
+        try:
+            here([Job(**given | {"only": tuple(given["only"])})], 1, said, done)
+        except OSError as error:  # a full disk, say, which another worker would find full, too
+            said.problem(told_of(error))
+            done(0, Record(None))

@@ -19,7 +19,7 @@ from sensorbook.reporting.forks import Slots, Tell
 from sensorbook.reporting.tree import Tree
 from sensorbook.reporting.work import KINDS, Source, Task, Worker, is_whole, open_source
 
-HELD = 512 << 20  # bytes of recordings up to which all chapters share what was read once
+HELD = 128 << 20  # bytes of recordings up to which all chapters share what was read once
 
 
 @dataclass(frozen=True)

@@ -344,12 +344,13 @@ class Worker:
                 seen = str(task.shown_in / task.file("ipynb").name)
                 outcome = execute.ended(task.chapter.notebook, aside, seen, given)
                 done = _put(task, self._tree, outcome)
-            self.seconds[task.sensor, task.chapter.slug] = time.monotonic() - began[0]
+            took = time.monotonic() - began[0] if began else 0.0
+            self.seconds[task.sensor, task.chapter.slug] = took
             for text in done.traces:
                 self._said.trace(text)
             for text in done.problems:
                 self._said.problem(text)
-            self._said.step(task.name, done.status, time.monotonic() - began[0])
+            self._said.step(task.name, done.status, took)
             self._done(task)
 
         call = partial(_run_chapter, task, parameters, self._tree, aside, self._engine, self._debug)
