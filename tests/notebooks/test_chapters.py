@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from pathlib import Path
 
 import jsonschema
-import nbclient
 import nbformat
 import numpy as np
 import pytest
@@ -43,21 +41,6 @@ def test_form(path):
 
 def test_every_notebook_is_a_chapter_and_every_chapter_a_notebook():
     assert {c.notebook for c in chapters.CHAPTERS} == set(NOTEBOOKS)
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
-def test_runs_as_it_is_in_jupyter(
-    path, demo_folder, moved_folder, turned_folder, orbiting_folder, flown_folder
-):
-    """Defaults, teaching cells included, in a folder beside `data/`."""
-    folder = demo_folder.parents[1] / "notebooks"
-    folder.mkdir(exist_ok=True)
-    shutil.copy(path, folder)
-    book = nbformat.read(path, as_version=4)
-    nbclient.NotebookClient(
-        book, timeout=120, resources={"metadata": {"path": str(folder)}}
-    ).execute()
-    assert sorted(p.name for p in folder.iterdir() if p.suffix != ".ipynb") == [], "writes nothing"
 
 
 # --- the demo: work A's sensor, tables 7.1 and 7.3 ---

@@ -4,44 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import nbformat
+import papermill
 import pytest
 from devices import executed
 
-import sensorbook
 from sensorbook.notebook import MIME
-from sensorbook.reporting import chapters
-from sensorbook.simulate import simulate
-
-DEMOS = ("ahrs", "positions", "phone", "rotation", "leo", "trajectory")
-
-
-@pytest.fixture(scope="module")
-def demos(tmp_path_factory):
-    """Which demo has recordings for a chapter, and of which sensor; each is simulated when asked for."""
-    folder = tmp_path_factory.mktemp("engines")
-    made: dict[str, Path] = {}
-
-    def demo(chapter: chapters.Chapter) -> tuple[Path, str] | None:
-        for preset in DEMOS:
-            if preset not in made:
-                made[preset] = simulate(folder / f"{preset}-demo", preset)
-            device = sensorbook.load(made[preset])
-            for sensor in chapter.sensors:
-                if chapter.kind in device.kinds(chapter.reads or sensor):
-                    return made[preset], sensor
-        return None
-
-    return demo
-
-
-def parameters(chapter: chapters.Chapter, demos) -> dict:
-    if not chapter.needs_device:
-        return {}
-    device, sensor = demos(chapter)
-    return {"device": str(device)} | ({"sensor": sensor} if sensor != chapters.ATTITUDE else {})
+from sensorbook.reporting import chapters, forks, warm
 
 
 def plain(text: str) -> str:
@@ -85,27 +57,41 @@ def numbers(notebook: nbformat.NotebookNode) -> list:
 
 
 @pytest.mark.parametrize("chapter", chapters.CHAPTERS, ids=lambda c: c.slug)
-def test_a_chapter_is_the_same_in_both(chapter, demos, tmp_path):
-    given = parameters(chapter, demos)
-    warm, kernel = (
-        executed(chapter.notebook, given, tmp_path, engine) for engine in ("warm", "kernel")
+def test_a_chapter_as_it_is_in_jupyter_is_the_same_in_both(
+    chapter, demo_folder, moved_folder, turned_folder, orbiting_folder, flown_folder, monkeypatch
+):
+    """Defaults, teaching cells included, in a folder beside `data/`."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # as in a fork: else the last digits differ
+    folder = demo_folder.parents[1] / "notebooks"
+    folder.mkdir(exist_ok=True)
+    warm.warm_up([chapter.notebook])
+    warmly, kernel = (
+        forks.apart(partial(_as_it_is, chapter.notebook, folder, engine))
+        for engine in (warm.NAME, None)
     )
-    assert (warm.status, warm.reason) == (kernel.status, kernel.reason) == ("complete", None)
-    assert shape(warm.notebook) == shape(kernel.notebook)
+    assert not list(folder.iterdir()), "writes nothing"
+    assert shape(warmly) == shape(kernel)
     # To the last digit: the same code, libraries and number of threads.
-    assert json.dumps(numbers(warm.notebook)) == json.dumps(numbers(kernel.notebook))
-    pictures = [
-        [
-            "".join(output.data["image/png"].split())
-            for cell in outcome.notebook.cells
-            for output in cell.get("outputs", ())
-            if "image/png" in output.get("data", {})
-        ]
-        for outcome in (warm, kernel)
-    ]
-    assert pictures[0] == pictures[1]
+    assert json.dumps(numbers(warmly)) == json.dumps(numbers(kernel))
+    assert pictures(warmly) == pictures(kernel)
     for key in ("kernelspec", "language_info"):
-        assert warm.notebook.metadata[key] == kernel.notebook.metadata[key]
+        assert warmly.metadata[key] == kernel.metadata[key]
+
+
+def _as_it_is(notebook: Path, folder: Path, engine: str | None) -> nbformat.NotebookNode:
+    return papermill.execute_notebook(
+        str(notebook), None, engine_name=engine, kernel_name="python3", progress_bar=False,
+        execution_timeout=300, cwd=str(folder),
+    )  # fmt: skip
+
+
+def pictures(notebook: nbformat.NotebookNode) -> list[str]:
+    return [
+        "".join(output.data["image/png"].split())
+        for cell in notebook.cells
+        for output in cell.get("outputs", ())
+        if "image/png" in output.get("data", {})
+    ]
 
 
 CELLS = {
