@@ -246,7 +246,9 @@ def of_imus(path, change):
 
 NOT_GIVEN = "angular_velocity_covariance", "linear_acceleration_covariance"
 TRIPLES = [", ".join(map(repr, VECTORS[:3])), ", ".join(map(repr, VECTORS[3:]))]
-REP_145 = "a covariance that begins with −1 says that none is given (REP 145); one of 0, that it is not known"
+REP_145 = (
+    "a covariance that begins with −1 says that none is given, 0 that it is not known (REP 145)"
+)
 
 
 def test_values_that_a_covariance_takes_back(tmp_path):
@@ -363,6 +365,16 @@ def test_more_stamps_that_go_back_are_told_of_a_guessed_recording_too(tmp_path, 
     _, findings = device.check()
     told = [f.message for f in findings if (f.kind, f.where) == ("backward", "gyroscope")]
     assert told == ["the time goes back at 27 places, first at 0.06 s by 0.015 s"]
+
+
+def test_late_stamps_are_no_lost_samples(tmp_path, rest):
+    """Every hundredth 30 ms late: the three after it stand aside, and are there."""
+    late = [replace(m, stamp=m.stamp + 30_000_000 * (k % 100 == 50)) for k, m in enumerate(rest)]
+    bag_writers.ros1(tmp_path / "log.bag", late)
+    _, findings = declared(tmp_path / "log.bag", time="stamp").check()
+    told = {f.kind: f.message for f in findings}
+    assert told["backward"].startswith("the time goes back at 4 places, first at 0.53 s by 0.02 s")
+    assert "gap" not in told
 
 
 def test_a_few_stamps_that_go_back_and_values_that_are_missing(tmp_path, rest):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sensorbook import Refusal
-from sensorbook.recordings.clock import measured_rate, missing_samples, shuffled
+from sensorbook.recordings.clock import lost_samples, measured_rate, missing_samples, shuffled
 
 from .conftest import recording
 
@@ -59,6 +59,49 @@ def test_every_missing_sample_is_counted(lost):
     time = np.delete(np.arange(1000), sorted(lost)) / 100
     assert measured_rate(time) == 100.0
     assert missing_samples(time, 100.0).sum() == len(lost)
+
+
+PLACES = np.arange(50, 950, 90)  # 10 of 1000 rows
+
+
+def lost_of(time):
+    good, lost = lost_samples(time, 100.0)
+    return {int(good[k + 1]): int(lost[k]) for k in np.flatnonzero(lost)}
+
+
+@pytest.mark.parametrize("late", [0.5, 1.0, 3.0, 3.1, 2.9, 7.0])  # intervals
+def test_rows_of_late_stamps_are_not_lost(late):
+    time = np.arange(1000) / 100
+    time[PLACES] += late / 100
+    assert lost_of(time) == {}
+    gone = np.delete(time, np.r_[420:425])  # 415 … 420 … 430: no place among PLACES
+    assert lost_of(gone) == {420: 5}
+
+
+def test_doubled_stamps_are_not_lost_rows():
+    time = np.arange(1000) / 100
+    time[PLACES] = time[PLACES - 1]
+    assert lost_of(time) == {}
+    time[PLACES] = time[PLACES + 1]
+    assert lost_of(time) == {}
+    assert lost_of(np.r_[0.0, 0.0, time[2:]]) == {}
+    time = np.arange(1000) / 100
+    time[300:400] -= 2.0  # a clock set back and on again
+    assert lost_of(time) == {}
+    assert lost_of(np.delete(time, np.r_[350:360])) == {390: 10}
+
+
+def test_copied_rows_hide_no_gap():
+    time = np.delete(np.sort(np.r_[np.arange(1000), PLACES]), np.r_[600:604]) / 100
+    assert lost_of(time) == {600: 4}
+    assert sum(lost_of(np.delete(np.arange(1000), [3, 400, 401]) / 100).values()) == 3
+
+
+@given(st.lists(st.floats(allow_nan=True), min_size=2, max_size=50))
+def test_any_stamps_have_a_number_of_lost_samples(stamps):
+    good, lost = lost_samples(np.array(stamps), 100.0)
+    assert len(lost) == max(len(good) - 1, 0)
+    assert (lost >= 0).all()
 
 
 # ---- the even time base ----

@@ -18,7 +18,9 @@ from sensorbook.recordings.ros_messages import ENCODINGS, LAYOUTS, LayoutError, 
 from sensorbook.recordings.tables import MAX_BYTES, Source, Table, choose, extended, too_large
 
 _ROWS = 1 << 13  # messages decoded at one go
-_NOT_GIVEN = "a covariance that begins with −1 says that none is given (REP 145); one of 0, that it is not known"
+_NOT_GIVEN = (
+    "a covariance that begins with −1 says that none is given, 0 that it is not known (REP 145)"
+)
 _WANTED = f"record a topic of {', '.join(LAYOUTS)}"
 
 

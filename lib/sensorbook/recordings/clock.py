@@ -88,6 +88,24 @@ def missing_samples(time: np.ndarray, rate: float) -> np.ndarray:
     return missing
 
 
+def lost_samples(time: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of advancing stamps (M,), and the number of samples lost between neighbours (M − 1,).
+
+    Rows set aside are there, but for their stamps: those that stand in a gap, or whose stamps do, are
+    not lost.
+    """
+    good = np.flatnonzero(advancing(time))
+    missing = missing_samples(time[good], rate)
+    if not missing.any():
+        return good, missing
+    aside = np.setdiff1d(np.flatnonzero(np.isfinite(time)), good)
+    stands = np.searchsorted(good, aside) - 1
+    says = np.searchsorted(time[good], time[aside]) - 1
+    at = np.where(np.append(missing, 0)[stands] > 0, stands, says)
+    at = at[(at >= 0) & (at < len(missing))]
+    return good, np.maximum(missing - np.bincount(at, minlength=len(missing)), 0)
+
+
 def duration_words(seconds: float) -> str:
     """A duration to three digits in the unit a reader would choose: `2 h`, `45.5 min`, `9.3 s`."""
     for unit, size, least in (("d", 86400, 172800), ("h", 3600, 7200), ("min", 60, 120)):

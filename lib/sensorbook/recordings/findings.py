@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sensorbook.recordings.clock import advancing, duration_words, missing_samples, shuffled
+from sensorbook.recordings.clock import duration_words, lost_samples, shuffled
 from sensorbook.recordings.corruption import IMPLAUSIBLE, frozen, implausible
 from sensorbook.recordings.merging import merged
 from sensorbook.recordings.recording import Finding, Recording
@@ -131,8 +131,7 @@ def _clock(recording: Recording, say) -> None:
             remedy="sort the rows by time" if mixed else "")  # fmt: skip
     if mixed:
         return
-    good = np.flatnonzero(advancing(time))
-    missing = missing_samples(time[good], recording.rate)
+    good, missing = lost_samples(time, recording.rate)
     if missing.any():
         longest = int(np.argmax(missing))
         length = duration_words(time[good[longest + 1]] - time[good[longest]])
