@@ -18,7 +18,7 @@ import sensorbook
 from recordings import bag_writers
 from recordings.bag_writers import BEGIN, ROS2, SECOND, WRITERS, field, imu, temperature
 from recordings.mutants import OPERATIONS, mutant
-from sensorbook import InputError
+from sensorbook import InputError, Refusal
 from sensorbook.guessing import guess_files, new_device
 from sensorbook.recordings import check, from_declaration, open_table
 from sensorbook.recordings.tables import table_names
@@ -375,6 +375,20 @@ def test_late_stamps_are_no_lost_samples(tmp_path, rest):
     told = {f.kind: f.message for f in findings}
     assert told["backward"].startswith("the time goes back at 4 places, first at 0.53 s by 0.02 s")
     assert "gap" not in told
+
+
+def test_stamps_that_spoil_the_time_base_are_mended_by_those_of_receipt(tmp_path):
+    rest = [m for m in several(6000) if m.topic == "/imu/data"]
+    late = [replace(m, stamp=m.stamp + 30_000_000 * (k % 100 == 50)) for k, m in enumerate(rest)]
+    bag_writers.ros1(tmp_path / "log.bag", late)
+    device = declared(tmp_path / "log.bag", time="stamp")
+    mend = 'take the time of receipt, time = "received"'
+    assert [f.remedy for f in device.check()[1] if f.kind == "backward"] == [mend]
+    with pytest.raises(Refusal) as caught:
+        device.gyroscope.static.evenly_sampled()
+    assert caught.value.remedy == 'Take the time of receipt, time = "received".'
+    whole, done = declared(tmp_path / "log.bag", time="received").gyroscope.static.evenly_sampled()
+    assert (len(whole), done) == (6000, ())
 
 
 def test_a_few_stamps_that_go_back_and_values_that_are_missing(tmp_path, rest):

@@ -9,7 +9,7 @@ import numpy as np
 
 from sensorbook.errors import InputError, Problem
 from sensorbook.recordings.checks import shown
-from sensorbook.recordings.clock import measured_rate
+from sensorbook.recordings.clock import advancing, measured_rate
 from sensorbook.recordings.even import MINIMUM_SAMPLES
 from sensorbook.recordings.findings import examine
 from sensorbook.recordings.recording import Finding, Recording, Segment
@@ -103,10 +103,19 @@ def read_recording(declared: Declared, table: Table, labels: Table | None = None
     )
     findings = examine(recording, raw, [columns[axis] for axis in named])
     lost = [Finding(table.file, sensor, "gap", text) for text in table.losses]
-    findings = (*_guesses(recording), *lost, *findings)
+    findings = (*_guesses(recording), *lost, *(_by_receipt(f, table, columns) for f in findings))
     if temperature is not None and declared.kind != "thermal" and np.isnan(temperature).all():
         temperature = None  # said among the findings; a thermal recording is refused for it
     return replace(recording, findings=findings, temperature=temperature)
+
+
+def _by_receipt(finding: Finding, table: Table, columns: dict) -> Finding:
+    """Of stamps that go back in messages whose times of receipt do not: those mend it."""
+    if finding.kind != "backward" or finding.remedy or columns["time"] == "received":
+        return finding
+    if "received" not in table.names or not advancing(table.column("received")).all():
+        return finding
+    return replace(finding, remedy='take the time of receipt, time = "received"')
 
 
 def _guesses(recording: Recording) -> tuple[Finding, ...]:

@@ -91,12 +91,14 @@ def _longest_stretch(joined: np.ndarray) -> tuple[int, int]:
 
 def _check_enough(recording: Recording, used: int, done: str) -> None:
     if used < MINIMUM_SAMPLES or 2 * used < len(recording):
+        mends = [f.remedy for f in recording.findings if f.kind == "backward" and f.remedy]
+        if not mends and shuffled(recording.time):
+            mends = ["sort the file's rows by time"]
+        mend = mends[0] if mends else "record again without losses"
         raise Refusal(
             f"{recording.file} has no even time base: only {used} of {len(recording)} samples of the "
             f"{recording.sensor} follow one another without a gap. {done}".rstrip(),
-            "Sort the file's rows by time."
-            if shuffled(recording.time)
-            else "Record again without losses.",
+            f"{mend[0].upper()}{mend[1:]}.",
         )
 
 
