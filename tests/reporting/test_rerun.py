@@ -141,6 +141,24 @@ def test_pages_of_a_device_follow_chapters_rendered_apart(two, tmp_path):
     assert "noise" in json.loads(done.text("dev-1", "results.json"))["sensors"]["gyroscope"]
 
 
+def test_what_changes_while_it_is_read_is_told_and_rendered_again(two, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    executes, toml = execute.execute, two / "device.toml"
+    before = toml.read_text()
+
+    def changes(*given, **named):
+        toml.write_text(before.replace("A device", "Another"))
+        return executes(*given, **named)
+
+    monkeypatch.setattr(execute, "execute", changes)
+    done = run([two], out)
+    assert done.code == 1
+    assert done.stderr == "dev-1: its files changed while they were read — run it again\n"
+    monkeypatch.undo()
+    toml.write_text(before)
+    assert statuses(run([two], out)) == BOTH
+
+
 def test_a_failed_chapter_is_tried_again(two, tmp_path):
     out = tmp_path / "out"
     good = (two / "data.csv").read_text()

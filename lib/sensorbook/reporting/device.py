@@ -137,6 +137,8 @@ def render_device(opened: Opened, tell: Tell, slots: Slots) -> Record:
             said.line(f"{source.id}: --only leaves nothing to do; its recordings feed {listed}")
         if lacking := lacks_gyroscope(source.recorded):
             said.line(f"{source.id}: warning: {lacking}")
+        if not all(task.is_as_opened() for task in tasks[:1]):
+            said.problem(f"{source.id}: its files changed while they were read — run it again")
         found = _finish(opened, tree, said, [c.title for c in fed] if nothing else [])
         said.line(str(Path(job.out) / source.id / "index.html"))
         return Record(found, worker.seconds)

@@ -272,6 +272,12 @@ class Task:
             self.book,
         )
 
+    def is_as_opened(self) -> bool:
+        """Whether the device's files still hold what they did when it was opened."""
+        if self.source is None or not self.key_of_device:
+            return True
+        return keys.of_device(sensorbook.load(self.source.path)) == self.key_of_device
+
     def is_current(self, parameters: dict[str, str]) -> bool:
         """Whether its files are there, of an earlier run that would give the same now."""
         there = all(is_whole(self.file(kind)) for kind in KINDS)
@@ -394,7 +400,8 @@ def _run_chapter(
         if outcome.status != "failed":
             about = source and source.about
             record = execute.record_of(outcome, chapter, task.sensor, about)
-            record["key"] = task.key(parameters)
+            # Without a key it is rendered again: what was read meanwhile may be of either state.
+            record["key"] = task.key(parameters) if task.is_as_opened() else None
             html = render.chapter_page(outcome.notebook, record, task.book)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FULL:
