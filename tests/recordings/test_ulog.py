@@ -336,7 +336,10 @@ def test_a_log_without_sensors(write):
     columns = {"timestamp": np.arange(200), "voltage_v": np.ones(200)}
     path = write(("battery_status", 0, battery, columns))
     assert table_names(path) == ()
-    expected = "log.ulg: holds no topics of samples — name another file"
+    expected = (
+        "log.ulg: holds no readings of a sensor: battery_status — "
+        "log a topic such as sensor_accel, sensor_gyro or sensor_mag"
+    )
     assert message_of(path) == expected
     problems, _ = check(path)
     assert [str(p) for p in problems] == [expected]
@@ -412,7 +415,9 @@ ROW = datum(SMALL, 0, {"x": 1.0})
     [definition("a", SMALL), subscription("a", 0), ROW, message("D", b"\x09\x00" + bytes(20))],
     [definition("a", SMALL), subscription("a", 0), ROW, message("D", bytes(12))],
     [definition("a", SMALL), subscription("a", 0), ROW, subscription("a", 0)],
-    [definition("a", SMALL), subscription("a", 0), ROW, message("Z", b"1")],
+    [definition("a", SMALL), subscription("a", 0), ROW, message("\7", b"1")],
+    [definition("a", SMALL), subscription("a", 0), ROW, message("Z", b"")],
+    [definition("a", SMALL), subscription("a", 0), ROW, message("E", ROW[3:])],
     [definition("a", SMALL), subscription("a", 0), ROW, bytes(30)],
     [definition("a", SMALL), subscription("a", 0), ROW, message("S", bytes(8))],
     [definition("a", SMALL), subscription("b", 0), ROW],
@@ -436,6 +441,21 @@ def test_rows_after_a_message_that_pyulog_stumbles_over(write):
     path = write(begin + message("P", b"\x09int32_t P" + b"\x01") + ROW)
     assert len(ULog(str(path)).data_list[0].data["x"]) == 1
     np.testing.assert_array_equal(open_table(path).column("x"), [1, 1])
+
+
+def test_messages_of_a_newer_logger_are_passed_over_and_told(write):
+    written = topics(200)["sensor_gyro"]
+    path = write(log(written, extra=[(0, message("X", bytes(8))), (1, message("e", b"1"))]))
+    table = open_table(path)
+    for name, values in written[3].items():
+        np.testing.assert_array_equal(table.column(name), values)
+    assert table.losses == ("2 messages of a type that is not known (X, e) passed over",)
+
+
+def test_a_header_that_is_cut_off(write):
+    assert message_of(write(HEADER[:10])) == (
+        "log.ulg: is cut off within its header — copy it again"
+    )
 
 
 def test_padding_that_some_messages_hold(write):

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from string import ascii_letters
 
 import numpy as np
 
@@ -31,6 +32,7 @@ _FORMAT = re.compile(r"([\w/]+):([^:]*)", re.A)
 _FIELD = re.compile(r"(\w+)(?:\[([1-9]\d{0,4})\])? (\w+)", re.A)
 _LONGEST = 0xFFFF  # bytes of a message
 _DATA = ord("D")
+_KNOWN = b"ABCDFILMOPQRS"  # types of messages
 _BLOCK = 1 << 14  # messages copied at one go
 _DEEPEST = 16  # formats within formats
 _MOST_FIELDS = 300_000  # of all topics; PX4 logs a few thousand
@@ -55,6 +57,7 @@ _UNITS_OF_ALL = {"timestamp": "us", "timestamp_sample": "us", "temperature": "de
 # As the sensors gave them; what PX4 makes of them is corrected and filtered in flight.
 _RAW = ("sensor_accel", "sensor_gyro", "sensor_mag", "sensor_combined", "sensor_accel_fifo",
         "sensor_gyro_fifo", "vehicle_imu")  # fmt: skip
+_WANTED = "log a topic such as sensor_accel, sensor_gyro or sensor_mag"
 _FIFO_FIELDS = ("timestamp", "timestamp_sample", "x", "y", "z")
 
 
@@ -108,12 +111,13 @@ class _Topic:
 class _Log:
     """What the walk through a log found: topics by name, and how long each dropout was (ms).
 
-    `data` is its first byte after the definitions.
+    `data` is its first byte after the definitions, `unknown` the types of messages passed over.
     """
 
     topics: dict[str, _Topic]
     dropouts: tuple[int, ...]
     data: int
+    unknown: str
 
 
 def table_names(source: Source) -> tuple[str, ...]:
@@ -126,6 +130,9 @@ def open_table(source: Source, table: str | None, wanted: Sequence[str | int]) -
     log = _survey(source)
     _library(source)
     sensors = _sensors(log)
+    if table is None and not sensors:
+        shown = ", ".join(sorted(log.topics)[:6])
+        raise source.wrong(f"holds no readings of a sensor: {shown}", _WANTED)
     there = sensors if table is None else [*sensors, *sorted(log.topics.keys() - set(sensors))]
     topic = log.topics[choose(source, table, there, "topic")]
     burst = topic.burst
@@ -153,11 +160,16 @@ def _sensors(log: _Log) -> list[str]:
 
 
 def _losses(log: _Log) -> tuple[str, ...]:
-    if not log.dropouts:
-        return ()
-    count = len(log.dropouts)
-    times = "once" if count == 1 else f"{count} times"
-    return (f"its logger dropped messages {times}, for {sum(log.dropouts) / 1000:.3g} s in all",)
+    said = []
+    if count := len(log.dropouts):
+        times = "once" if count == 1 else f"{count} times"
+        lost = sum(log.dropouts) / 1000
+        said.append(f"its logger dropped messages {times}, for {lost:.3g} s in all")
+    if count := len(log.unknown):
+        types = ", ".join(sorted(set(log.unknown)))
+        messages = "1 message" if count == 1 else f"{count} messages"
+        said.append(f"{messages} of a type that is not known ({types}) passed over")
+    return tuple(said)
 
 
 def _library(source: Source):
@@ -259,7 +271,7 @@ def _walk(view: mmap.mmap, size: int, wrong) -> _Log:
     formats: dict[str, list] = {}
     topics: dict[tuple[str, int], tuple] = {}  # name and instance: fields, message, places
     ids: dict[int, tuple[int, int, array]] = {}  # least and greatest size of a message, places
-    dropouts, spread = [], 0
+    dropouts, unknown, spread = [], bytearray(), 0
     head, word = struct.Struct("<HB").unpack_from, struct.Struct("<H").unpack_from
     data = 0  # where it begins
     at = begin
@@ -292,6 +304,12 @@ def _walk(view: mmap.mmap, size: int, wrong) -> _Log:
                 dropouts.append(word(view, at + 3)[0])
             elif kind in b"LC":  # text
                 data = data or at
+            elif chr(kind) in ascii_letters and kind not in _KNOWN and length:
+                # Of a newer logger, to be passed over (PX4 Guide); but for data with a damaged head.
+                known = ids.get(word(view, at + 3)[0]) if length > 2 else None
+                if known and known[0] <= length <= known[1]:
+                    raise _damaged(wrong, at)
+                unknown.append(kind)
             elif not (kind in b"IMPQR" and length) and not (
                 kind == 83 and view[at + 3 : stop] == _SYNC
             ):
@@ -304,7 +322,7 @@ def _walk(view: mmap.mmap, size: int, wrong) -> _Log:
         for key, (fields, begun, places) in topics.items()
         if places
     ]
-    return _Log({topic.shown: topic for topic in filled}, tuple(dropouts), data)
+    return _Log({topic.shown: topic for topic in filled}, tuple(dropouts), data, unknown.decode())
 
 
 def _sections(view: mmap.mmap, size: int, wrong) -> tuple[int, list[int]]:
@@ -376,6 +394,8 @@ def _flat(name: str, formats: dict, wrong, at: int, depth: int = 0) -> list[tupl
 
 
 def _cut_off(wrong, at: int) -> InputError:
+    if not at:
+        return wrong("is cut off within its header", "copy it again")
     return wrong("is cut off: its last message breaks off",
                  f"copy it again, or keep its first {at} bytes, which are whole", f"byte {at}")  # fmt: skip
 
