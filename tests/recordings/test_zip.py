@@ -183,6 +183,27 @@ def test_physics_toolbox(motion, pack):
     }
 
 
+@pytest.mark.parametrize(("extra", "recorder"), [
+    ({"gFx": 0.01, "gFy": -0.02, "gFz": 1.0}, "Physics Toolbox"),
+    ({"seconds_elapsed": None}, "Sensor Logger"),
+])  # fmt: skip
+def test_a_recorder_whose_unit_is_documented(tmp_path, extra, recorder):
+    """A rest in rad/s that might be deg/s, but for the layout."""
+    rng = np.random.default_rng(12)
+    time = np.arange(6000) / 100
+    frame = {"time": time} | {
+        n: time if m is None else rng.normal(m, 0.002, 6000) for n, m in extra.items()
+    }
+    frame |= {f"w{a}": rng.normal(0.01, 2e-3, 6000) for a in "xyz"}
+    pandas.DataFrame(frame).to_csv(tmp_path / "log.csv", index=False)
+    (found,) = (r for r in guess_files([tmp_path / "log.csv"]).recordings
+                if r.table["sensor"] == "gyroscope")  # fmt: skip
+    (unit,) = (g for g in found.guesses if g.key == "unit")
+    assert (unit.value, unit.certainty) == ("rad/s", "medium")
+    assert unit.reason.startswith(f"{recorder} writes rad/s, and it reads 0.01")
+    assert "unit" not in found.table.get("guessed", {})
+
+
 def test_the_only_file_tells_the_sensor_by_its_name(sensor_logger, pack):
     path = pack(
         {"2023-11-14_accelerometer_test/Gyroscope.csv": sensor_logger["Gyroscope.csv"]}, "a.zip"

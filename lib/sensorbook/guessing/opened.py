@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,11 @@ from sensorbook.recordings.tables import Table, open_table
 FEWEST = 100  # samples of a recording
 FREE = "an acceleration without gravity, not a reading"
 NO_VALUE = "three axes without a value that a sensor can read"
+# Columns that tell a phone's recorder, which documents its gyroscope as rad/s without writing so.
+_RECORDERS = (
+    ({"gFx", "gFy", "gFz"}, "Physics Toolbox"),
+    ({"time", "seconds_elapsed"}, "Sensor Logger"),
+)
 
 
 @dataclass
@@ -61,6 +66,9 @@ def open_one(path: Path, file: str, name: str | None, told: str) -> Opened:
     nothing = [(t, _nothing(t)) for t in triples]
     mute = [(t, what) for t, what in nothing if what]
     triples = [t for t, what in nothing if not what and len(t.finite) >= FEWEST]
+    recorder = next((name for names, name in _RECORDERS if names <= set(table.names)), "")
+    for triple in triples:
+        triple.recorder = recorder
     find_sensors(triples, _sensor_told(told) or sensor_of(Path(file).stem))
     clock = _by_rotation(clock, triples)
     free = [t for t in triples if _is_free(t, clock, told or Path(file).stem)]
@@ -139,8 +147,13 @@ def unit_of(triple: Triple, clock: Clock, beside_si: bool = False) -> scales.Uni
     """The unit of its readings; `beside_si` as `scales.gyroscope` has it."""
     if triple.sensor == "gyroscope":
         known = clock.step if clock.certainty in (HIGH, MEDIUM) or clock.column else None
-        return scales.gyroscope(
-            triple.finite, triple.unit, triple.as_rate, triple.rotation, known, beside_si
-        )
+        more = triple.as_rate, triple.rotation, known
+        unit = scales.gyroscope(triple.finite, triple.unit, *more, beside_si)
+        if triple.recorder and not triple.unit and unit.certainty == LOW:
+            told = scales.gyroscope(triple.finite, "rad/s", *more)
+            if told.unit == "rad/s" and told.certainty != LOW:
+                reason = told.reason.replace("the file says so", f"{triple.recorder} writes rad/s")
+                return replace(told, certainty=MEDIUM, reason=reason)
+        return unit
     find = scales.BY_SENSOR[triple.sensor]
     return find(triple.finite, triple.unit, triple.as_field, triple.sphere)

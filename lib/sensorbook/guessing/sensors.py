@@ -29,6 +29,7 @@ class Triple:
     values : (N, 3) readings less `offset`, NaN where one is missing
     sensor : "" where it cannot be told
     rotation : how this gyroscope explains the turn of a field of the same file
+    recorder : the program whose layout the table has, "" where it is not known
     """
 
     columns: Sequence[Column]
@@ -39,6 +40,7 @@ class Triple:
     certainty: str = UNKNOWN
     reason: str = ""
     rotation: Rotation | None = None
+    recorder: str = ""
     _cache: dict = field(default_factory=dict)
 
     @classmethod
