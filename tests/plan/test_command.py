@@ -69,6 +69,13 @@ def test_the_help_has_an_example(capsys):
         assert name in shown
 
 
+def test_a_term_that_not_every_record_shows():
+    made = plan("static", sensor="gyroscope", rate=10.0)
+    (walk,) = (row for row in made.rows if row[0].endswith(" K"))
+    assert not made.numbers["found"]["x", "rate_random_walk"].stated
+    assert walk[3:] == ("may not be told apart", "may be bounded only")
+
+
 def test_a_rate_too_low_for_any_rest_is_told():
     made = plan("static", rate=1e-3)
     assert not made.reached

@@ -44,7 +44,7 @@ def static_plan(asked: Asked) -> Plan:
             cells[0] += f" {TERMS[term].symbol}"
             cells[4] += f" ({number(100 * HALF * found.std, 2)} %)"
             if not found.stated:
-                cells[3:] = ["not told apart", "bounded only"]
+                cells[3:] = ["may not be told apart", "may be bounded only"]
             rows.append(tuple(cells))
             numbers[axes[0], term] = found
     worst = max(alike, key=lambda t: numbers[alike[t][0], name].std)
@@ -54,7 +54,7 @@ def static_plan(asked: Asked) -> Plan:
         f"{TERMS[name].symbol} on {alike[worst]} by length of the rest, 95 %: "
         + ", ".join(
             f"{duration(r.seconds)} "
-            + (f"± {number(100 * HALF * r.std, 2)} %" if r.stated else "bounded only")
+            + (f"± {number(100 * HALF * r.std, 2)} %" if r.stated else "may be bounded only")
             for r in grows
         )
     ]
