@@ -267,6 +267,17 @@ def test_a_full_disk_is_one_line_and_what_was_there_stays(two, tmp_path, monkeyp
     assert statuses(run([two], out)) == {"thermal": "unchanged", "allan": "complete"}
 
 
+def test_what_is_in_the_way_of_a_page_is_named_and_the_others_are_rendered(two, tmp_path):
+    out = tmp_path / "out"
+    page = out / "dev-1" / "gyroscope" / "thermal.html"
+    page.mkdir(parents=True)
+    done = run([two], out)
+    assert done.code == 1
+    assert done.stderr == f"dev-1 gyroscope/thermal: {page}: Is a directory\n"
+    assert statuses(done) == {"thermal": "failed", "allan": "complete"}
+    assert (out / "index.html").is_file()
+
+
 def test_time_left_is_told_once_it_is_known_and_worth_it(monkeypatch):
     now = [1000.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])

@@ -98,7 +98,8 @@ class Said:
 
 def told_of(error: OSError) -> str:
     """A line for what could not be read or written."""
-    line = f"{error.filename}: {error.strerror}" if error.strerror else str(error)
+    name = error.filename2 or error.filename  # what is moved is named after where it goes
+    line = f"{name}: {error.strerror}" if error.strerror else str(error)
     if error.errno in FULL:
         line += " — free some and run it again: what is finished is not rendered anew"
     return line
@@ -409,7 +410,12 @@ def _run_chapter(
         if debug:
             traces.append(traceback.format_exc())
         outcome, record = execute.fault(chapter.notebook, error), None
-    done = _put(task, tree, outcome, record, html)
+    try:
+        done = _put(task, tree, outcome, record, html)
+    except OSError as error:
+        if error.errno in FULL:
+            raise
+        done = _Done("failed", (f"{task.name}: {told_of(error)}",))
     return _Done(done.status, done.problems, tuple(traces))
 
 
