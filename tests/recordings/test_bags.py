@@ -260,6 +260,9 @@ def test_values_that_a_covariance_takes_back(tmp_path):
         f"log.bag: holds three axes without a value that a sensor can read ({', '.join(TRIPLES)}) – "
         f"{REP_145} — record again with that sensor on"
     )
+    of_imus(path, {"angular_velocity": (float("inf"), 0.0, 0.0)})
+    told = f"log.bag: {TRIPLES[0]}: three axes without a value that a sensor can read: left out."
+    assert told in guess_files([path]).left_out
     of_imus(path, {NOT_GIVEN[1]: (-1.0, *[0.0] * 8)})
     guessed = guess_files([path])
     assert [r.table["sensor"] for r in guessed.recordings] == ["gyroscope"]

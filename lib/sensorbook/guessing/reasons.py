@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from sensorbook.errors import Problem
 from sensorbook.guessing.names import words_of
-from sensorbook.guessing.opened import FEWEST, FREE, NO_VALUE, Opened
+from sensorbook.guessing.opened import FEWEST, FREE, Opened
+from sensorbook.guessing.sensors import Triple
 
 # PX4's topics that stand beside those of the sensors themselves.
 _FILTERED = {"vehicle_angular_velocity", "vehicle_acceleration", "vehicle_magnetometer"}
@@ -38,13 +41,15 @@ def why_none(one: Opened) -> str:
 def muted(one: Opened) -> list[str]:
     """Sentences on the triples of a table that hold no readings."""
     return [
-        f"{one.place}: {triple.shown}: {what}{_because(one, what)}: left out."
+        f"{one.place}: {triple.shown}: {what}{_because(one, triple)}: left out."
         for triple, what in one.mute
     ]
 
 
-def _because(one: Opened, what: str) -> str:
-    return f" – {one.table.missing}" if what == NO_VALUE and one.table.missing else ""
+def _because(one: Opened, triple: Triple) -> str:
+    """What the format says of values that are missing throughout."""
+    absent = any(np.isnan(column.values).all() for column in triple.columns)
+    return f" – {one.table.missing}" if absent and one.table.missing else ""
 
 
 def _why_and_mend(one: Opened) -> tuple[str, str]:
@@ -59,7 +64,10 @@ def _why_and_mend(one: Opened) -> tuple[str, str]:
     if one.mute and not one.triples:
         what = one.mute[0][1]
         shown = ", ".join(triple.shown for triple, other in one.mute if other == what)
-        return f"holds {what} ({shown}){_because(one, what)}", _OWN if what == FREE else _ON
+        return (
+            f"holds {what} ({shown}){_because(one, one.mute[0][0])}",
+            _OWN if what == FREE else _ON,
+        )
     words = {w for c in (*one.idle, *one.quaternion) for w in words_of(c.name)}
     if "delta" in words and words & {"angle", "velocity"} and not one.triples:
         what = "increments of angle and velocity, which are no rates, and no sensor's readings"
