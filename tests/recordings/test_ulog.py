@@ -452,6 +452,16 @@ def test_messages_of_a_newer_logger_are_passed_over_and_told(write):
     assert table.losses == ("2 messages of a type that is not known (X, e) passed over",)
 
 
+def test_a_topic_that_is_added_again_goes_on(write):
+    rows = [datum(SMALL, k // 5, {"timestamp": k, "x": k}) for k in range(10)]
+    begin = HEADER + definition("a", SMALL)
+    again = subscription("a", 0) + b"".join(rows[:5]) + subscription("a", 1) + b"".join(rows[5:])
+    path = write(begin + again)
+    assert [len(d.data["x"]) for d in ULog(str(path)).data_list] == [5, 5]
+    np.testing.assert_array_equal(open_table(path).column("x"), np.arange(10))
+    np.testing.assert_array_equal(open_table(path).column("timestamp"), np.arange(10))
+
+
 def test_a_header_that_is_cut_off(write):
     assert message_of(write(HEADER[:10])) == (
         "log.ulg: is cut off within its header — copy it again"

@@ -208,9 +208,11 @@ def _excerpt(source: Source, log: _Log, topic: _Topic) -> io.BytesIO:
     # Padding at the end is left out, as it may be: pyulog takes it for damage.
     size = 2 + sum(_SIZES[kind] for kind, _ in topic.fields)
     head = np.frombuffer(struct.pack("<HB", size, _DATA), np.uint8)
+    number = np.frombuffer(topic.subscribed[4:6], np.uint8)
     for first in range(0, topic.rows, _BLOCK):
-        content = topic.places[first : first + _BLOCK, None] + np.arange(3, 3 + size)
-        out.write(np.hstack([np.tile(head, (len(content), 1)), file[content]]).tobytes())
+        content = file[topic.places[first : first + _BLOCK, None] + np.arange(3, 3 + size)]
+        content[:, :2] = number  # of the first subscription, where there are several
+        out.write(np.hstack([np.tile(head, (len(content), 1)), content]).tobytes())
     out.seek(0)
     return out
 
@@ -296,10 +298,11 @@ def _walk(view: mmap.mmap, size: int, wrong) -> _Log:
                 name, instance, number = _subscription(view[at + 3 : stop])
                 fields, least, most = _fields(name, formats, wrong, at)
                 spread += len(fields)
-                if (name, instance) in topics or number in ids or spread > _MOST_FIELDS:
+                if number in ids or spread > _MOST_FIELDS:
                     raise _damaged(wrong, at)
-                ids[number] = least, most, array("q")
-                topics[name, instance] = fields, view[at:stop], ids[number][2]
+                # Added again under another number, it goes on.
+                begun = topics.setdefault((name, instance), (fields, view[at:stop], array("q")))
+                ids[number] = least, most, begun[2]
             elif kind == 79 and length == 2:  # O, a dropout
                 dropouts.append(word(view, at + 3)[0])
             elif kind in b"LC":  # text
