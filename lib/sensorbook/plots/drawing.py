@@ -19,6 +19,8 @@ from matplotlib.ticker import LogFormatterMathtext, NullLocator
 from PIL import Image
 
 MARGIN = 0.1  # inch left around what is drawn
+ROOM = (0.75, 0.15, 0.55, 0.15)  # inch around axes, at the left, right, below and above
+TITLED = 0.4  # inch above axes with a title
 
 
 def drawn(figure: Figure, dpi: int) -> Image.Image:
@@ -35,10 +37,9 @@ def _drawn(figure: Figure, dpi: int) -> Image.Image:
     if isinstance(engine, ConstrainedLayoutEngine):
         figure.set_dpi(dpi)
         if len(figure.axes) == 1 and not figure.legends and not figure.get_suptitle():
-            # The plain layout measures axes once, not twice, and puts axes that are alone at the same
-            # place: unless their numbers change with their size, which may push something off the edge.
-            pad = engine.get()["w_pad"] * 72 / plt.rcParams["font.size"]
-            figure.set_layout_engine("tight", pad=pad)
+            # Axes that are alone need no measuring where their numbers and labels have room enough.
+            figure.set_layout_engine("none")
+            _give_room(figure)
             image, box = _inked(figure)
             figure.set_layout_engine(engine)
         if box is None:
@@ -58,6 +59,17 @@ def _drawn(figure: Figure, dpi: int) -> Image.Image:
             min(bottom + margin, image.height),
         )
     ).convert("RGB")
+
+
+def _give_room(figure: Figure) -> None:
+    """Puts axes that are alone where numbers of five digits, and labels of a line, fit beside them."""
+    (axes,) = figure.axes
+    titled = any(axes.get_title(loc) for loc in ("left", "center", "right"))
+    left, right, bottom, top = ROOM if not titled else (*ROOM[:3], TITLED)
+    width, height = figure.get_size_inches()
+    across, up = 1 - (left + right) / width, 1 - (bottom + top) / height
+    axes.set_position((left / width, bottom / height, across, up))
+    axes.set_in_layout(True)  # again, where it turns out that they need one
 
 
 def _inked(figure: Figure) -> tuple[Image.Image, tuple[int, int, int, int] | None]:
