@@ -336,6 +336,8 @@ def test_a_book_that_is_stopped_has_contents_of_what_stands(
     thermal, _, free, _, refused, last = rows
     table(thermal, refused, free, last)
     executes, stopped_at = execute.execute, [free.notebook]
+    # As where the tests themselves are run in the background, and were told to ignore it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def stops(notebook, *rest, **options):
         if notebook in stopped_at:
