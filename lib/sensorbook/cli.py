@@ -476,7 +476,9 @@ def _folder(text: str) -> str:
 
 def _address(text: str) -> str:
     if not re.fullmatch(r"((tcp|tls|ws|wss|ucx)://)?[^:/\s]+:\d+", text):
-        raise argparse.ArgumentTypeError(f"{text!r} is no scheduler's address, as tcp://10.0.0.1:8786")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no scheduler's address, as tcp://10.0.0.1:8786"
+        )
     return text
 
 
