@@ -69,7 +69,10 @@ class Tree:
     def write(self, path: Path, text: str) -> None:
         """Writes a file aside, then moves it to its place."""
         name = self.aside / uuid.uuid4().hex
-        name.write_text(text, encoding="utf-8", errors="backslashreplace")
+        try:
+            name.write_text(text, encoding="utf-8", errors="backslashreplace")
+        except OSError as error:  # a full disk, which Python names no file for
+            raise OSError(error.errno, error.strerror, str(path)) from None
         os.replace(name, path)
 
 
