@@ -110,8 +110,9 @@ def _render(devices: list[Source], tree: Tree, out: Path, worker: Worker, said: 
         tasks.append(Task(chapter, source, sensor, {}, folder, out / FOLDER, name, key, place))
     tasks = _with_needs(tasks)
     said.more(len(tasks))
-    warm.warm_up([task.chapter.notebook for task in tasks])
-    render.warm_up()
+    notebooks = [task.chapter.notebook for task in tasks]
+    warm.warm_up(notebooks)
+    render.warm_up(notebooks)
     try:
         worker.work_off(tasks)
     finally:

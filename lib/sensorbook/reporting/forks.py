@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import heapq
 import os
 import pickle
@@ -109,14 +110,18 @@ class Forks:
         """
         heapq.heappush(self._waiting, (order, next(self._number), (call, then, heard)))
 
+    def start(self) -> None:
+        """Starts what waits, as far as there are slots; `run` is still to be called."""
+        while self._waiting and (slot := self._slot()) is not None:
+            self._start(slot)
+
     def run(self) -> None:
         """Makes all calls, and those that are added on the way; when one raises, the others end."""
         if parent_process() is not None:
             signal.signal(signal.SIGTERM, _stop)
         try:
             while self._waiting or self._running:
-                while self._waiting and (slot := self._slot()) is not None:
-                    self._start(slot)
+                self.start()
                 listened = [*self._running, *([self._slots] if self._waiting else [])]
                 for ready in connection.wait(listened):
                     if ready is not self._slots:
@@ -176,6 +181,7 @@ def _answer(call: Callable[[Tell], Any], writer: connection.Connection, parent: 
     die_with(parent)
     # Threads of BLAS on small arrays cost ten times what they gain, and calls run side by side.
     threadpoolctl.threadpool_limits(1)
+    gc.set_threshold(20_000, 20, 20)  # it ends before most garbage matters
     try:
         answer = "gave", call(lambda told: writer.send(("told", told)))
     except Exception as error:

@@ -12,6 +12,7 @@ import html
 import re
 import threading
 import unicodedata
+from collections.abc import Iterable
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -114,11 +115,16 @@ def _refused(cell: nbformat.NotebookNode) -> bool:
     return any(o.output_type == "error" for o in cell.get("outputs", ()))
 
 
-def warm_up() -> None:
-    """Makes what the first page in a process has to make, so that its forks have it."""
+def warm_up(notebooks: Iterable[Path] = ()) -> None:
+    """Makes what the first page in a process has to make, and the code of some notebooks' pages."""
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# $N$\n\n**a** |b|")])
     _exporter().from_notebook_node(notebook)
     environment().get_template("chapter.html.j2")
+    for path in notebooks:
+        with contextlib.suppress(Exception):  # damaged: its execution tells
+            for cell in nbformat.read(path, as_version=4).cells:
+                if cell.cell_type == "code":
+                    _exporter().environment.filters["highlight_code"](cell.source)
 
 
 _thread = threading.local()
@@ -146,7 +152,7 @@ class _Exporter(HTMLExporter):
     def from_notebook_node(self, nb: nbformat.NotebookNode, **kwargs: Any) -> tuple[str, dict]:
         # Not HTMLExporter's own, which parses the page with its images and writes it anew, to add what
         # our template has: that takes longer than all the rest.
-        self.register_filter("highlight_code", Highlight2HTML(pygments_lexer="ipython3"))
+        self.register_filter("highlight_code", cache(Highlight2HTML(pygments_lexer="ipython3")))
         return TemplateExporter.from_notebook_node(self, nb, **kwargs)
 
     def _create_environment(self) -> jinja2.Environment:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, TextIO
@@ -52,9 +52,15 @@ def report(
     if same_ids([(name, path) for (name, _), path in zip(seen, paths, strict=True)], said):
         return 1
     given = [
-        Job(str(path), out, only, force, engine, debug, steps)
-        for (_, steps), path in zip(seen, paths, strict=True)
+        Job(str(path), out, only, force, engine, debug, len(notebooks))
+        for (_, notebooks), path in zip(seen, paths, strict=True)
     ]
+    sure = {
+        notebook
+        for name, notebooks in seen
+        if force or not (Path(out) / name / "results.json").is_file()
+        for notebook in notebooks
+    }
     stopped: dict[int, list[str]] = {}
     suites: dict[int, Any] = {}
     records = _Records()
@@ -74,7 +80,7 @@ def report(
 
                 on_cluster(cluster, given, said, done)
             else:
-                here(given, jobs or os.cpu_count() or 1, said, done)
+                here(given, jobs or os.cpu_count() or 1, said, done, sure)
             if records.changed or (records.any and not is_whole(tree.root / "index.html")):
                 from sensorbook.reporting.group import group_page
 
@@ -124,11 +130,14 @@ def _write(path: Path, text: str) -> None:
         aside.unlink(missing_ok=True)
 
 
-def here(given: Sequence[Job], jobs: int, said: Said, done: Done) -> None:
+def here(
+    given: Sequence[Job], jobs: int, said: Said, done: Done, sure: Collection[Path] = ()
+) -> None:
     """Renders devices on this machine, `jobs` chapters at a time, those of one device first.
 
     Each device is opened in a fork and, where something is to be rendered, rendered in another, made
-    once all that chapters import is imported.
+    once all that chapters import is imported: of notebooks that are `sure` to be executed, while the
+    first devices are opened.
     """
     slots = Slots(jobs)
     forks = Forks(slots, nested=True)
@@ -153,6 +162,9 @@ def here(given: Sequence[Job], jobs: int, said: Said, done: Done) -> None:
     for number, job in enumerate(given):
         forks.add((number, 0), partial(open_device, job), partial(ended, number), heard)
     try:
+        forks.start()
+        if sure and given[0].engine == "warm":
+            _warm_up(frozenset(sure))
         forks.run()
     finally:
         slots.close()
@@ -163,5 +175,5 @@ def _warm_up(notebooks: frozenset[Path]) -> None:
     """Imports all that chapters and pages need, once."""
     from sensorbook.reporting import render, warm
 
-    render.warm_up()
+    render.warm_up(notebooks)
     warm.warm_up(notebooks)

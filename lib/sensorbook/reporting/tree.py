@@ -19,7 +19,6 @@ class Tree:
 
     def __init__(self, out: str | Path):
         self.root = Path(out).resolve()
-        self.root.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Tree:
         return self
@@ -31,6 +30,7 @@ class Tree:
     @cached_property
     def aside(self) -> Path:
         """A folder of this process's, which goes when the tree is closed."""
+        self.root.mkdir(parents=True, exist_ok=True)
         return Path(tempfile.mkdtemp(prefix=f"{_prefix()}{os.getpid()}-", dir=self.root))
 
     def tidy(self) -> None:

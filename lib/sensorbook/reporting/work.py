@@ -173,17 +173,17 @@ def _declared(declaration: Path) -> tuple[str, dict[str, Any] | None]:
     return "", table
 
 
-def glance(path: Path, only: Collection[str] = ()) -> tuple[str, int]:
+def glance(path: Path, only: Collection[str] = ()) -> tuple[str, tuple[Path, ...]]:
     """What can be told of a device without opening it.
 
-    The id that it will have, "" where that is not known, and how many chapters, of `only` where any
-    are named.
+    The id that it will have, "" where that is not known, and the notebook of each chapter that its
+    declaration promises, of `only` where any are named; none of a bare recording.
     """
     with contextlib.suppress(InputError):  # opening tells
         if not (path / "device.toml").is_file():
             path = storage_file(path) or path
     if path.is_file() and path.name != "device.toml":
-        return device_id(path.name.split(".")[0]), 1
+        return device_id(path.name.split(".")[0]), ()
     name, table = _declared(path if path.name == "device.toml" else path / "device.toml")
     listed = (table or {}).get("recording")
     recorded = frozenset(
@@ -192,10 +192,11 @@ def glance(path: Path, only: Collection[str] = ()) -> tuple[str, int]:
         if isinstance(recording, dict)
     )
     source = Source(path, name, {}, recorded, ())
-    return name, sum(
-        source.feeds(chapter, sensor) and (not only or chapter.slug in only)
+    return name, tuple(
+        chapter.notebook
         for sensor in results.sensors()
         for chapter in chapters.CHAPTERS
+        if source.feeds(chapter, sensor) and (not only or chapter.slug in only)
     )
 
 
