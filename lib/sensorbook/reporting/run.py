@@ -81,7 +81,7 @@ def report(
                 on_cluster(cluster, given, said, done)
             else:
                 here(given, jobs or os.cpu_count() or 1, said, done, sure)
-            if records.changed or (records.any and not is_whole(tree.root / "index.html")):
+            if records.any and (records.changed or not is_whole(tree.root / "index.html")):
                 from sensorbook.reporting.group import group_page
 
                 with tree.locked("."):
