@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 import traceback
 from collections.abc import Sequence
 from typing import Any
 
-from sensorbook import InputError, __version__
+from sensorbook import InputError, __version__, arguments_as
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -256,10 +255,13 @@ def _parser() -> argparse.ArgumentParser:
         "paths", nargs="+", metavar="PATH", help="folder with a device.toml, or a recording"
     )
     report.add_argument(
-        "--out", type=_folder, default="reports", metavar="DIR", help="default: reports"
+        "--out", type=arguments_as.folder, default="reports", metavar="DIR", help="default: reports"
     )
     report.add_argument(
-        "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
+        "--jobs",
+        type=arguments_as.count,
+        metavar="N",
+        help="chapters side by side; default: one a core",
     )
     report.add_argument("--only", nargs="+", metavar="CHAPTER", help="these chapters alone")
     report.add_argument("--force", action="store_true", help="render what is up to date, too")
@@ -272,7 +274,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument(
         "--cluster",
-        type=_address,
+        type=arguments_as.address,
         metavar="ADDRESS",
         help="render on the workers of a Dask cluster, such as tcp://10.0.0.1:8786",
     )
@@ -301,13 +303,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     book.add_argument(
         "--out",
-        type=_folder,
+        type=arguments_as.folder,
         default="reports",
         metavar="DIR",
         help="the book is DIR/book; default: reports",
     )
     book.add_argument(
-        "--jobs", type=_count, metavar="N", help="chapters side by side; default: one a core"
+        "--jobs",
+        type=arguments_as.count,
+        metavar="N",
+        help="chapters side by side; default: one a core",
     )
 
     book.add_argument("--force", action="store_true", help="render what is up to date, too")
@@ -342,7 +347,9 @@ def _parser() -> argparse.ArgumentParser:
         "sensorbook simulate data/demo --seed 1",
     )
     simulate.add_argument("folder", metavar="DIR", help="folder to write")
-    simulate.add_argument("--seed", type=_seed, default=1, metavar="N", help="default: 1")
+    simulate.add_argument(
+        "--seed", type=arguments_as.seed, default=1, metavar="N", help="default: 1"
+    )
     simulate.add_argument(
         "--preset", default="ahrs", metavar="NAME", help=f"{listed}; default: ahrs"
     )
@@ -383,7 +390,7 @@ def _parser() -> argparse.ArgumentParser:
         "--sensor", choices=("accelerometer", "gyroscope", "magnetometer"), help="this sensor alone"
     )
     apply.add_argument(
-        "--columns", type=_columns, metavar="x=…,y=…,z=…",
+        "--columns", type=arguments_as.columns, metavar="x=…,y=…,z=…",
         help="its columns, where not those of the device's recordings; temperature=…, time=… too",
     )  # fmt: skip
 
@@ -428,64 +435,25 @@ def _parser() -> argparse.ArgumentParser:
         "--grade", metavar="NAME", help="typical noise: consumer, industrial or tactical; default: consumer"
     )  # fmt: skip
     plan.add_argument(
-        "--rate", type=_above_zero, metavar="HZ", help="default: the device's own, else 100"
+        "--rate",
+        type=arguments_as.above_zero,
+        metavar="HZ",
+        help="default: the device's own, else 100",
     )
     plan.add_argument(
-        "--levelling", type=_above_zero, metavar="DEG", help="six_position: rms; default: 0.2"
+        "--levelling",
+        type=arguments_as.above_zero,
+        metavar="DEG",
+        help="six_position: rms; default: 0.2",
     )
-    plan.add_argument("--span", type=_above_zero, metavar="C", help="thermal, °C; default: 25")
     plan.add_argument(
-        "--reference", type=_above_zero, metavar="DEG", help="trajectory: a reference's standard error "
-        "about each axis; default: 0.5"
+        "--span", type=arguments_as.above_zero, metavar="C", help="thermal, °C; default: 25"
+    )
+    plan.add_argument(
+        "--reference", type=arguments_as.above_zero, metavar="DEG",
+        help="trajectory: a reference's standard error about each axis; default: 0.5",
     )  # fmt: skip
     return parser
-
-
-def _above_zero(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < 1e9:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
-    return value
-
-
-def _seed(text: str) -> int:
-    if not text.isdigit():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0")
-    return int(text)
-
-
-def _columns(text: str) -> dict[str, str]:
-    pairs = [part.partition("=") for part in text.split(",")]
-    found = {key.strip(): name.strip() for key, _, name in pairs}
-    unknown = set(found) - {"x", "y", "z", "temperature", "time"}
-    given = list(found.values())
-    bad = unknown or not {"x", "y", "z"} <= set(found) or not all(given)
-    if bad or len(set(given)) < len(given):
-        raise argparse.ArgumentTypeError(f"{text!r} is not x=…,y=…,z=… (temperature=…, time=…)")
-    return found
-
-
-def _folder(text: str) -> str:
-    if not text:
-        raise argparse.ArgumentTypeError("'' names no folder")
-    return text
-
-
-def _address(text: str) -> str:
-    if not re.fullmatch(r"((tcp|tls|ws|wss|ucx)://)?[^:/\s]+:\d+", text):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no scheduler's address, as tcp://10.0.0.1:8786"
-        )
-    return text
-
-
-def _count(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1")
-    return int(text)
 
 
 if __name__ == "__main__":
