@@ -17,6 +17,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from sensorbook.shared import shared
+
 RANDOM_TERMS = ("quantization", "random_walk", "bias_instability", "rate_random_walk")
 _DIFFERENCE = np.array([1.0, -2.0, 1.0])
 _COEFFICIENTS = np.outer(_DIFFERENCE, _DIFFERENCE).ravel()
@@ -64,6 +66,7 @@ def _nodes(m1: int, m2: int, first: int, last: int) -> tuple[np.ndarray, np.ndar
 
 
 @lru_cache(maxsize=8)
+@shared
 def _kernels(clusters: tuple[int, ...], samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Pair sums (T, T, 4, 4) of R_a R_b and (T, T, 4) of R_a, per unit coefficient, δt = 1."""
     count = len(clusters)

@@ -36,8 +36,8 @@ def _drawn(figure: Figure, dpi: int) -> Image.Image:
     box = None
     if isinstance(engine, ConstrainedLayoutEngine):
         figure.set_dpi(dpi)
-        if len(figure.axes) == 1 and not figure.legends and not figure.get_suptitle():
-            # Axes that are alone need no measuring where their numbers and labels have room enough.
+        if _is_plain(figure):
+            # Needs no measuring where its numbers and labels have room enough.
             figure.set_layout_engine("none")
             _give_room(figure)
             image, box = _inked(figure)
@@ -59,6 +59,16 @@ def _drawn(figure: Figure, dpi: int) -> Image.Image:
             min(bottom + margin, image.height),
         )
     ).convert("RGB")
+
+
+def _is_plain(figure: Figure) -> bool:
+    """Whether a figure holds nothing but axes that are alone, with nothing that stands out far."""
+    if len(figure.axes) != 1 or figure.legends or figure.get_suptitle():
+        return False
+    (axes,) = figure.axes
+    legend = axes.get_legend()
+    turned = axes.xaxis.get_tick_params().get("rotation")
+    return not turned and (legend is None or legend.get_bbox_to_anchor() is axes.bbox)
 
 
 def _give_room(figure: Figure) -> None:

@@ -313,7 +313,7 @@ def thumbnail(notebook: Path) -> dict[str, str] | None:
                 image.thumbnail((THUMBNAIL_WIDTH, THUMBNAIL_WIDTH), Image.Resampling.LANCZOS)
                 buffer = io.BytesIO()
                 image = image.quantize(128, Image.Quantize.FASTOCTREE)
-                image.save(buffer, format="png", optimize=True)
+                image.save(buffer, format="png")
                 coded = base64.b64encode(buffer.getvalue()).decode()
                 return {"source": f"data:image/png;base64,{coded}", "alt": about.get("alt", "")}
     return None

@@ -124,7 +124,7 @@ def warm_up(notebooks: Iterable[Path] = ()) -> None:
         with contextlib.suppress(Exception):  # damaged: its execution tells
             for cell in nbformat.read(path, as_version=4).cells:
                 if cell.cell_type == "code":
-                    _exporter().environment.filters["highlight_code"](cell.source)
+                    _highlighted(cell.source)
 
 
 _thread = threading.local()
@@ -152,7 +152,7 @@ class _Exporter(HTMLExporter):
     def from_notebook_node(self, nb: nbformat.NotebookNode, **kwargs: Any) -> tuple[str, dict]:
         # Not HTMLExporter's own, which parses the page with its images and writes it anew, to add what
         # our template has: that takes longer than all the rest.
-        self.register_filter("highlight_code", cache(Highlight2HTML(pygments_lexer="ipython3")))
+        self.register_filter("highlight_code", _highlighted)
         return TemplateExporter.from_notebook_node(self, nb, **kwargs)
 
     def _create_environment(self) -> jinja2.Environment:
@@ -234,6 +234,9 @@ def mathml(latex: str, display: str) -> str:
         if element.tag in ("math", "mrow", "mtd", "mstyle"):
             _space_functions(element)
     return ElementTree.tostring(tree, encoding="unicode", short_empty_elements=False)
+
+
+_highlighted = cache(Highlight2HTML(pygments_lexer="ipython3"))
 
 
 @cache

@@ -15,6 +15,7 @@ import contextlib
 import gc
 import importlib
 import io
+import json
 import os
 import random
 import signal
@@ -68,7 +69,7 @@ class WarmEngine(Engine):
         for index, cell in enumerate(nb_man.nb.cells):
             nb_man.cell_start(cell, index)
             if checkpoint and time.monotonic() - saved > 1:  # writing takes long beside most cells
-                nbformat.write(nb_man.nb, checkpoint)
+                checkpoint.write_text(json.dumps(nb_man.nb), encoding="utf-8")
                 saved = time.monotonic()
             if cell.cell_type == "code" and cell.source.strip():
                 signal.alarm(execution_timeout)
