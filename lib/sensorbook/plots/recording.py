@@ -20,17 +20,17 @@ def plot_recording(recording, axes: Axes | None = None) -> Axes:
     axes = new_axes(axes)
     label, si = units.field_unit(recording.sensor, "signal")
     time, unit = _time_axis(recording.time)
+    median = np.nanmedian(recording.values, axis=0)
+    shown = (recording.values - median) / si
+    bands = [envelope(time, column) for column in shown.T]
     # The widest band first, so that it hides none of the others.
-    spread = np.nanstd(recording.values, axis=0)
-    for i in np.argsort(-spread):
-        name, column = "xyz"[i], recording.values[:, i]
-        median = float(np.nanmedian(column))
-        t, low, high = envelope(time, (column - median) / si)
-        text = f"{name} (median {median / si:.4g} {label})"
+    for i in np.argsort([-np.nanmean(high - low) for _, low, high in bands]):
+        name, (t, low, high) = "xyz"[i], bands[i]
+        text = f"{name} (median {median[i] / si:.4g} {label})"
         axes.fill_between(t, low, high, color=COLOURS[name], alpha=0.7, linewidth=0.6, label=text)
     axes.set_xlabel(f"time [{unit}]")
     axes.set_ylabel(f"{recording.sensor} less median [{label}]")
-    _keep_spikes_out(axes, (recording.values - np.nanmedian(recording.values, axis=0)) / si)
+    _keep_spikes_out(axes, shown)
     handles, labels = axes.get_legend_handles_labels()
     order = np.argsort(labels)
     low, high = axes.get_ylim()

@@ -57,7 +57,7 @@ def with_shared_shocks(recording: Recording, others: Sequence[Recording]) -> Rec
     """
     if any(finding.kind == "spike" for finding in recording.findings):
         return recording
-    findings = list(recording.findings)
+    found = []
     for other in others:
         same = len(other) == len(recording) and other.rate == recording.rate
         if same and any(finding.kind == "spike" for finding in other.findings):
@@ -66,5 +66,5 @@ def with_shared_shocks(recording: Recording, others: Sequence[Recording]) -> Rec
                 f"the {other.sensor} in the same file saw a shock, {span(other.time[rows])}, "
                 "which shook this sensor, too"
             )
-            findings.append(Finding(recording.file, recording.sensor, "spike", message))
-    return replace(recording, findings=tuple(findings))
+            found.append(Finding(recording.file, recording.sensor, "spike", message))
+    return replace(recording, findings=(*recording.findings, *found)) if found else recording

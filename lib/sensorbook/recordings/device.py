@@ -34,17 +34,23 @@ _LARGEST_DECLARATION = 1 << 20
 _held: dict[Path, Device] = {}
 
 
-def hold(path: str | Path) -> None:
-    """Reads a device with all its recordings, and has `load` give it from now on.
-
-    For processes that are about to be forked into several that read it: none of them need to.
-    """
+def read_whole(path: str | Path) -> Device | None:
+    """A device with all its recordings read, but for images; None where it has a problem as a whole."""
     with contextlib.suppress(InputError):
         device = load(path)
         for declared in device.declared:
             if declared.sensor != "camera":
                 device._get(declared)
-        _held[_place(path)] = device
+        return device
+    return None
+
+
+def hold(device: Device) -> None:
+    """Has `load` give a device that is read already, from now on.
+
+    For processes that are about to be forked into several that read it: none of them need to.
+    """
+    _held[_place(device.path)] = device
 
 
 def _place(path: str | Path) -> Path:

@@ -13,7 +13,7 @@ import sensorbook
 from sensorbook import shared
 from sensorbook.errors import InputError
 from sensorbook.recordings.advice import lacks_gyroscope
-from sensorbook.recordings.device import hold
+from sensorbook.recordings.device import Device, hold, read_whole
 from sensorbook.reporting import chapters, keys, results
 from sensorbook.reporting.forks import Slots, Tell
 from sensorbook.reporting.tree import Tree
@@ -66,12 +66,16 @@ class Record:
 
 @dataclass(frozen=True)
 class Opened:
-    """A device that has something to render: chapters with these notebooks."""
+    """A device that has something to render: chapters with these notebooks.
+
+    `read` is the device with its recordings, for all chapters; None where each is to read its own.
+    """
 
     job: Job
     source: Source
     key: str
     notebooks: tuple[Path, ...] = ()
+    read: Device | None = None
 
 
 class Telling:
@@ -109,7 +113,12 @@ def open_device(job: Job, tell: Tell) -> Opened | Record:
             said.step(task.name, "unchanged", None)
         said.line(str(Path(job.out) / source.id / "index.html"))
         return Record(current, changed=False)
-    return replace(opened, notebooks=tuple(sorted({task.chapter.notebook for task in tasks})))
+    return replace(
+        opened,
+        notebooks=tuple(sorted({task.chapter.notebook for task in tasks})),
+        # Read while another process imports what chapters need.
+        read=read_whole(source.path) if _is_shared(opened, tasks) else None,
+    )
 
 
 def render_device(opened: Opened, tell: Tell, slots: Slots) -> Record:
@@ -123,10 +132,11 @@ def render_device(opened: Opened, tell: Tell, slots: Slots) -> Record:
     def waits() -> None:
         said.line(f"{source.id}: another run is writing its report: waiting for it")
 
+    if opened.read is not None:
+        hold(opened.read)
     with Tree(job.out) as tree, tree.locked(source.id, waits):
         tasks = _tasks(opened, tree)
-        if job.engine == "warm" and tasks and _size(source) < HELD:
-            hold(source.path)
+        if _is_shared(opened, tasks):
             shared.folder = Path(tempfile.mkdtemp(dir=tree.aside))
         worker = Worker(tree, slots, 1, said, job.engine, job.force, job.debug)
         worker.work_off(tasks)
@@ -145,7 +155,10 @@ def render_device(opened: Opened, tell: Tell, slots: Slots) -> Record:
 
 
 def _tasks(opened: Opened, tree: Tree) -> list[Task]:
-    """Every chapter that the device feeds and that is asked for, by sensor in reading order."""
+    """Every chapter that the device feeds and that is asked for, in reading order, each by sensor.
+
+    Side by side are then chapters of different sensors, which compute nothing twice.
+    """
     job, source = opened.job, opened.source
     return [
         Task(
@@ -158,8 +171,8 @@ def _tasks(opened: Opened, tree: Tree) -> list[Task]:
             f"{source.id} {sensor}/{chapter.slug}",
             opened.key,
         )
-        for sensor in results.sensors()
         for chapter in chapters.CHAPTERS
+        for sensor in results.sensors()
         if source.feeds(chapter, sensor) and (not job.only or chapter.slug in job.only)
     ]
 
@@ -188,6 +201,11 @@ def _current(opened: Opened, tasks: list[Task], tree: Tree) -> dict[str, Any] | 
     there = is_whole(folder / "index.html") and (folder / "results.csv").is_file()
     whole = same and there and all(task.is_current(task.parameters()) for task in tasks)
     return found if whole else None
+
+
+def _is_shared(opened: Opened, tasks: list[Task]) -> bool:
+    """Whether a device's chapters share what is read and computed once."""
+    return opened.job.engine == "warm" and bool(tasks) and _size(opened.source) < HELD
 
 
 def _size(source: Source) -> int:

@@ -117,7 +117,14 @@ def _refused(cell: nbformat.NotebookNode) -> bool:
 
 def warm_up(notebooks: Iterable[Path] = ()) -> None:
     """Makes what the first page in a process has to make, and the code of some notebooks' pages."""
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# $N$\n\n**a** |b|")])
+    table = nbformat.v4.new_output(
+        "display_data", {"text/html": "<table><tr><td>1</td></tr></table>"}
+    )
+    cells = [
+        nbformat.v4.new_markdown_cell("# $N$\n\n**a** |b|"),
+        nbformat.v4.new_code_cell("1", outputs=[table]),
+    ]
+    notebook = nbformat.v4.new_notebook(cells=cells)
     _exporter().from_notebook_node(notebook)
     environment().get_template("chapter.html.j2")
     for path in notebooks:

@@ -206,19 +206,31 @@ def _no_input(*_: Any) -> str:
     )
 
 
+# What is imported only where it is first used, and nearly every chapter uses it.
+_LATE = (
+    "IPython.core.completer",
+    "IPython.core.magics",
+    "IPython.core.oinspect",
+    "matplotlib.pyplot",
+    "pandas.io.formats.html",
+    "sensorbook.apply",
+)
+
+
 def warm_up(notebooks: Iterable[Path]) -> None:
     """Makes here what all forks would: imports of some notebooks, the fonts and the table of units."""
-    for name in sorted({name for notebook in notebooks for name in _imported(notebook)}):
+    used = {name for notebook in notebooks for name in _imported(notebook)}
+    for name in sorted(used | set(_LATE)):
         with contextlib.suppress(ImportError):  # theirs to tell
             importlib.import_module(name)
-    import matplotlib.pyplot  # noqa: F401, as every figure does
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+
+    from sensorbook.plots.drawing import drawn, encoded
 
     units.factor("deg/s", "rad/s")
     figure = Figure()
     figure.subplots().set_title("$N$")
-    FigureCanvasAgg(figure).draw()
+    encoded(figure, drawn(figure, 50))
     gc.freeze()  # what is here stays: forks that looked through it again would copy its memory, too
 
 
