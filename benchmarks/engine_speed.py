@@ -8,8 +8,9 @@ faster with two jobs than with one (on two cores). The peers run the same notebo
 parameters in the same order and read the thermal records of a report made before: as they are shipped,
 which is what somebody would type, and, to see the engines alone, without the cells that only teach,
 which reports leave out. All have one thread of BLAS. Reports are rendered `--runs` times, one and two
-jobs in turn, and the median told; the peers and the engine "kernel", for information, once. CPU is that
-of all processes together: where a machine is busy with something else, only that can be compared.
+jobs in turn, with the peers' commands spread evenly between, so that all meet the same machine, and
+their mean is told; the engine "kernel", for information, once. CPU is that of all processes together:
+where a machine is busy with something else, only that can be compared.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from typing import NamedTuple
 
 import nbformat
 
-from sensorbook.reporting.chapters import CHAPTERS
+from sensorbook.reporting.chapters import CHAPTERS, Chapter
 
 BIN = Path(sys.executable).parent
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -68,20 +69,24 @@ def main() -> None:
             f" {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before",
             flush=True,
         )
+        chapters = [(sensor, chapter) for chapter in chosen for sensor in SENSORS]
         jobs: dict[int, list[Took]] = {1: [], 2: []}
-        for _ in range(options.runs):
-            for number, times in jobs.items():
-                times.append(timed(*command, "--out", reports, "--jobs", number, "--force"))
-        one, two = median(jobs[1]), median(jobs[2])
+        peers = {taught: (Took(0.0, 0.0), Took(0.0, 0.0)) for taught in (True, False)}
+        for number in range(options.runs):
+            for count, times in jobs.items():
+                times.append(timed(*command, "--out", reports, "--jobs", count, "--force"))
+            for sensor, chapter in chapters[number :: options.runs]:
+                for taught, so_far in peers.items():
+                    took = peer(sensor, chapter, device, reports, folder, taught)
+                    peers[taught] = so_far[0] + took[0], so_far[1] + took[1]
+        one, two = mean(jobs[1]), mean(jobs[2])
         tell("report, 1 job", one)
         tell("report, 2 jobs", two, f"{one.over(two)}   goal {TWO_JOBS:g} times")
-        again = median(
-            [timed(*command, "--out", reports, "--jobs", 1) for _ in range(options.runs)]
-        )
+        again = mean([timed(*command, "--out", reports, "--jobs", 1) for _ in range(options.runs)])
         same = again.said.count(": unchanged")
         tell("nothing changed", again, f"goal {UNCHANGED:g} s   {same} chapters unchanged")
-        for taught, cells in ((True, "as shipped"), (False, "not taught")):
-            papermill, nbconvert = peers(chosen, device, reports, folder, taught)
+        for taught, (papermill, nbconvert) in peers.items():
+            cells = "as shipped" if taught else "not taught"
             both = papermill + nbconvert
             tell(f"papermill, {cells}", papermill)
             tell(f"nbconvert, {cells}", nbconvert)
@@ -90,34 +95,26 @@ def main() -> None:
         tell("kernel, 1 job", kernel, kernel.over(one))
 
 
-def peers(
-    chosen: list, device: Path, reports: Path, folder: Path, taught: bool
+def peer(
+    sensor: str, chapter: Chapter, device: Path, reports: Path, folder: Path, taught: bool
 ) -> tuple[Took, Took]:
-    """Times of papermill and of nbconvert, a command for each chapter and sensor.
-
-    `taught` is whether the cells are run that only teach.
-    """
-    papermill = nbconvert = Took(0.0, 0.0)
+    """Times of papermill and of nbconvert; `taught` is whether cells are run that only teach."""
     made = reports / next(reports.glob("*/results.json")).parent.name
-    for sensor in SENSORS:
-        for chapter in chosen:
-            source = folder / f"{chapter.slug}.ipynb"
-            notebook = nbformat.read(chapter.notebook, as_version=4)
-            notebook.cells = [
-                cell
-                for cell in notebook.cells
-                if taught or "teaching" not in cell.metadata.get("tags", ())
-            ]
-            nbformat.write(notebook, source)
-            given = {"device": device, "sensor": sensor}
-            for need in chapter.needs:
-                record = made / sensor / f"{need}.json"
-                given[f"{need}_record"] = record if record.is_file() else ""
-            parameters = [part for key, value in given.items() for part in ("-r", key, value)]
-            output = folder / f"{sensor}-{chapter.slug}.ipynb"
-            papermill += timed("papermill", source, output, *parameters, "--cwd", folder)
-            nbconvert += timed("jupyter", "nbconvert", "--to", "html", output)
-    return papermill, nbconvert
+    source, output = (folder / f"{name}.ipynb" for name in ("shipped", "executed"))
+    notebook = nbformat.read(chapter.notebook, as_version=4)
+    notebook.cells = [
+        cell for cell in notebook.cells if taught or "teaching" not in cell.metadata.get("tags", ())
+    ]
+    nbformat.write(notebook, source)
+    given = {"device": device, "sensor": sensor}
+    for need in chapter.needs:
+        record = made / sensor / f"{need}.json"
+        given[f"{need}_record"] = record if record.is_file() else ""
+    parameters = [part for key, value in given.items() for part in ("-r", key, value)]
+    return (
+        timed("papermill", source, output, *parameters, "--cwd", folder),
+        timed("jupyter", "nbconvert", "--to", "html", output),
+    )
 
 
 def timed(command: str, *arguments: object) -> Took:
@@ -139,9 +136,9 @@ def cpu() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def median(times: list[Took]) -> Took:
+def mean(times: list[Took]) -> Took:
     walls, cpus, said = zip(*times, strict=True)
-    return Took(statistics.median(walls), statistics.median(cpus), said[-1])
+    return Took(statistics.mean(walls), statistics.mean(cpus), said[-1])
 
 
 def tell(what: str, took: Took, more: str = "") -> None:
