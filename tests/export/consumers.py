@@ -1,6 +1,10 @@
-"""How the targets read their files, written anew from their sources."""
+"""How the targets read their files, written anew from their sources, and what is said of bad results."""
 
 from __future__ import annotations
+
+import pytest
+
+from sensorbook import InputError
 
 
 def read_param(text):
@@ -28,3 +32,10 @@ def read_params(text):
             assert name not in found
             found[name] = float(value)
     return found
+
+
+def said(exported, name, change):
+    """The lines said of changed results, from the key on."""
+    with pytest.raises(InputError) as caught:
+        exported(name, change)
+    return [line.split("results.json: ", 1)[1] for line in str(caught.value).splitlines()]

@@ -86,19 +86,6 @@ def results():
 
 
 @pytest.fixture
-def exported(tmp_path):
-    """Writes results, which a function may change first, and exports them."""
-
-    def run(name, change=lambda r: None):
-        found = results()
-        change(found)
-        (tmp_path / "results.json").write_text(json.dumps(found))
-        return export(tmp_path / "results.json", name)
-
-    return run
-
-
-@pytest.fixture
 def problems(exported, tmp_path):
     """The lines said of changed results, without the folder before the file's name."""
 

@@ -3,18 +3,16 @@ leaves, and what is told of it."""
 
 from __future__ import annotations
 
-import json
 import math
 import re
 
 import numpy as np
 import pytest
 import yaml
-from consumers import read_param, read_params
+from consumers import read_param, read_params, said
 
-from sensorbook import InputError, Recording
+from sensorbook import Recording
 from sensorbook.apply import correct
-from sensorbook.export import export
 
 G = 9.80665
 AGAIN = "render it again with: sensorbook report"
@@ -85,25 +83,6 @@ def diagonal(r):
     """What the autopilots hold without loss."""
     r["sensors"]["accelerometer"]["calibration"]["matrix"] = np.diag(SCALES).tolist()
     r["sensors"]["gyroscope"]["calibration"]["matrix"] = np.eye(3).tolist()
-
-
-@pytest.fixture
-def exported(tmp_path):
-    """Writes results, which a function may change first, and exports them."""
-
-    def run(name, change=lambda r: None):
-        found = results()
-        change(found)
-        (tmp_path / "results.json").write_text(json.dumps(found))
-        return export(tmp_path / "results.json", name)
-
-    return run
-
-
-def said(exported, name, change):
-    with pytest.raises(InputError) as caught:
-        exported(name, change)
-    return [line.split("results.json: ", 1)[1] for line in str(caught.value).splitlines()]
 
 
 def applied(change, sensor, raw):

@@ -2,40 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import cv2
 import numpy as np
 import pytest
 import yaml
+from consumers import said
 from scipy.optimize import curve_fit
-from test_export import RANDOM_WALK, WALK, results
-
-from sensorbook import InputError
-from sensorbook.export import export
+from test_export import RANDOM_WALK, WALK
+from test_export import results as results  # of which `exported` writes
 
 AGAIN = "render it again with: sensorbook report"
 PARTS = {"gyroscope": ("Gyr", "gyr"), "accelerometer": ("Acc", "acc")}
-
-
-@pytest.fixture
-def exported(tmp_path):
-    """Writes results, which a function may change first, and exports them."""
-
-    def run(name, change=lambda r: None):
-        found = results()
-        change(found)
-        (tmp_path / "results.json").write_text(json.dumps(found))
-        return export(tmp_path / "results.json", name)
-
-    return run
-
-
-def said(exported, name, change):
-    with pytest.raises(InputError) as caught:
-        exported(name, change)
-    return [line.split("results.json: ", 1)[1] for line in str(caught.value).splitlines()]
 
 
 # ---- Kalibr's numbers, as allan_variance_ros has them ----
