@@ -56,6 +56,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--only", nargs="+", metavar="CHAPTER", help="for a quick trial")
     options = parser.parse_args()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
     rng = np.random.default_rng(options.seed)
     count: Counter[str] = Counter()
     faults = []
