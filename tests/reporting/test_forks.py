@@ -39,6 +39,24 @@ def test_a_large_answer_arrives_whole():
     assert apart(lambda: np.arange(3_000_000)).sum() == 3_000_000 * 2_999_999 // 2
 
 
+def test_an_interrupt_meanwhile_ends_a_fork_whose_large_answer_waits(slots, tmp_path):
+    def call(tell):
+        (tmp_path / "began").write_text(str(os.getpid()))
+        return np.arange(3_000_000)  # more than a pipe holds: nobody reads it
+
+    def meanwhile():
+        while not (tmp_path / "began").is_file():
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+
+    forks = Forks(slots)
+    forks.add(0, call, lambda given: None)
+    with pytest.raises(KeyboardInterrupt):
+        forks.run(meanwhile)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "began").read_text()), 0)
+
+
 def test_no_more_at_once_than_there_are_slots(slots, tmp_path):
     def call(tell):
         mine = tmp_path / str(os.getpid())

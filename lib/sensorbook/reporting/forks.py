@@ -110,18 +110,18 @@ class Forks:
         """
         heapq.heappush(self._waiting, (order, next(self._number), (call, then, heard)))
 
-    def start(self) -> None:
-        """Starts what waits, as far as there are slots; `run` is still to be called."""
-        while self._waiting and (slot := self._slot()) is not None:
-            self._start(slot)
+    def run(self, meanwhile: Callable[[], None] = lambda: None) -> None:
+        """Makes all calls, and those that are added on the way; when one raises, the others end.
 
-    def run(self) -> None:
-        """Makes all calls, and those that are added on the way; when one raises, the others end."""
+        `meanwhile` is called in this process once the first have been started.
+        """
         if parent_process() is not None:
             signal.signal(signal.SIGTERM, _stop)
         try:
+            self._start_waiting()
+            meanwhile()
             while self._waiting or self._running:
-                self.start()
+                self._start_waiting()
                 listened = [*self._running, *([self._slots] if self._waiting else [])]
                 for ready in connection.wait(listened):
                     if ready is not self._slots:
@@ -134,6 +134,11 @@ class Forks:
                 self._running[reader].process.join(_PATIENCE)
                 self._running[reader].process.kill()
                 self._reap(reader)
+
+    def _start_waiting(self) -> None:
+        """Starts what waits, as far as there are slots."""
+        while self._waiting and (slot := self._slot()) is not None:
+            self._start(slot)
 
     def _slot(self) -> bool | None:
         """Whether a slot was taken for the next call; None where it must wait."""

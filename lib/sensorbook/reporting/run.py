@@ -162,11 +162,13 @@ def here(
     said.more(sum(job.steps for job in given))
     for number, job in enumerate(given):
         forks.add((number, 0), partial(open_device, job), partial(ended, number), heard)
-    try:
-        forks.start()
+
+    def meanwhile() -> None:
         if sure and given[0].engine == "warm":
             _warm_up(frozenset(sure))
-        forks.run()
+
+    try:
+        forks.run(meanwhile)
     finally:
         slots.close()
 
