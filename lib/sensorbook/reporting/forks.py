@@ -128,11 +128,14 @@ class Forks:
                         self._hear(ready)
         finally:
             self._waiting.clear()
-            for running in self._running.values():
-                running.process.terminate() if self._nested else running.process.kill()
-            for reader in list(self._running):
-                self._running[reader].process.join(_PATIENCE)
-                self._running[reader].process.kill()
+            begun = {
+                r: running.process for r, running in self._running.items() if running.process.pid
+            }
+            for process in begun.values():
+                process.terminate() if self._nested else process.kill()
+            for reader, process in begun.items():
+                process.join(_PATIENCE)
+                process.kill()
                 self._reap(reader)
 
     def _start_waiting(self) -> None:
@@ -150,9 +153,10 @@ class Forks:
         _, _, (call, then, heard) = heapq.heappop(self._waiting)
         reader, writer = self._context.Pipe(duplex=False)
         process = self._context.Process(target=_answer, args=(call, writer, os.getpid()))
+        # Known before it is there: an interrupt that comes as it starts would leave it running.
+        self._running[reader] = _Running(process, then, heard, took)
         process.start()
         writer.close()
-        self._running[reader] = _Running(process, then, heard, took)
 
     def _hear(self, reader: connection.Connection) -> None:
         running = self._running[reader]
