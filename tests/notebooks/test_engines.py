@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import json
 import re
 from functools import partial
@@ -134,7 +135,8 @@ CELLS = {
 
 
 @pytest.mark.parametrize("cell", CELLS.values(), ids=CELLS)
-def test_a_cell_is_the_same_in_both(cell, tmp_path):
+def test_a_cell_is_the_same_in_both(cell, tmp_path, monkeypatch):
+    monkeypatch.setattr(builtins, "_", "of this process", raising=False)  # as doctests leave it
     notebook = nbformat.v4.new_notebook()
     notebook.metadata["kernelspec"] = {
         "name": "python3", "display_name": "Python 3", "language": "python",

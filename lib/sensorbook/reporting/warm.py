@@ -189,6 +189,7 @@ class _ZMQLikeShell(InteractiveShell):
 def _as_a_kernel_starts() -> None:
     """Takes back what a fresh process would not have: settings, random state and a running loop."""
     builtins.input = _no_input
+    vars(builtins).pop("_", None)  # Python's own prompt, and doctests, leave what they showed there
     random.seed()
     np.random.seed()  # noqa: NPY002, the state that notebooks could share
     asyncio.set_event_loop(asyncio.new_event_loop())
