@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from sensorbook import InputError, __version__, arguments_as
+from sensorbook.arguments_as import above_zero, count
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -100,8 +101,8 @@ def _check(arguments: argparse.Namespace) -> int:
         for finding in findings:
             print(f"{prefix}warning: {finding}")
         if not problems:
-            count = f"{len(findings)} warning{'' if len(findings) == 1 else 's'}"
-            print(f"{path}: {count if findings else 'nothing to mend'}")
+            warnings = f"{len(findings)} warning{'' if len(findings) == 1 else 's'}"
+            print(f"{path}: {warnings if findings else 'nothing to mend'}")
         failed = failed or bool(problems)
     return int(failed)
 
@@ -258,10 +259,7 @@ def _parser() -> argparse.ArgumentParser:
         "--out", type=arguments_as.folder, default="reports", metavar="DIR", help="default: reports"
     )
     report.add_argument(
-        "--jobs",
-        type=arguments_as.count,
-        metavar="N",
-        help="chapters side by side; default: one a core",
+        "--jobs", type=count, metavar="N", help="chapters side by side; default: one a core"
     )
     report.add_argument("--only", nargs="+", metavar="CHAPTER", help="these chapters alone")
     report.add_argument("--force", action="store_true", help="render what is up to date, too")
@@ -309,12 +307,8 @@ def _parser() -> argparse.ArgumentParser:
         help="the book is DIR/book; default: reports",
     )
     book.add_argument(
-        "--jobs",
-        type=arguments_as.count,
-        metavar="N",
-        help="chapters side by side; default: one a core",
+        "--jobs", type=count, metavar="N", help="chapters side by side; default: one a core"
     )
-
     book.add_argument("--force", action="store_true", help="render what is up to date, too")
 
     check = command(
@@ -435,22 +429,14 @@ def _parser() -> argparse.ArgumentParser:
         "--grade", metavar="NAME", help="typical noise: consumer, industrial or tactical; default: consumer"
     )  # fmt: skip
     plan.add_argument(
-        "--rate",
-        type=arguments_as.above_zero,
-        metavar="HZ",
-        help="default: the device's own, else 100",
+        "--rate", type=above_zero, metavar="HZ", help="default: the device's own, else 100"
     )
     plan.add_argument(
-        "--levelling",
-        type=arguments_as.above_zero,
-        metavar="DEG",
-        help="six_position: rms; default: 0.2",
+        "--levelling", type=above_zero, metavar="DEG", help="six_position: rms; default: 0.2"
     )
+    plan.add_argument("--span", type=above_zero, metavar="C", help="thermal, °C; default: 25")
     plan.add_argument(
-        "--span", type=arguments_as.above_zero, metavar="C", help="thermal, °C; default: 25"
-    )
-    plan.add_argument(
-        "--reference", type=arguments_as.above_zero, metavar="DEG",
+        "--reference", type=above_zero, metavar="DEG",
         help="trajectory: a reference's standard error about each axis; default: 0.5",
     )  # fmt: skip
     return parser
